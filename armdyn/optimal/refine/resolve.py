@@ -17,6 +17,7 @@ from armdyn.optimal.refine.motion_mesh import ResolvedMotions, mesh_optimum
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.slowing import least_slowing
 from armdyn.optimal.refine.switch_mesh import at_switches
+from armdyn.optimal.search.candidates import at_speed
 from armdyn.optimal.solve.direct import Attempt
 from armdyn.optimal.switching.costates import phases_of
 from armdyn.optimal.switching.extremal.descent import Extremal
@@ -30,7 +31,6 @@ from armdyn.optimal.switching.refinement import (
     shooting_problem,
 )
 from armdyn.optimal.task.task import Task
-from armdyn.trajectory import Trajectory
 
 _IDLE = "time leaves a joint idle"
 
@@ -65,7 +65,7 @@ def _optima(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMoti
     if task.stop:
         yield [_of_mesh(task, attempt, f"{task.stop.word} before the arcs were read")]
         return
-    fast = _at_speed(task, attempt.trajectory)  # structures rarely settle there; the mesh's motion converges sooner
+    fast = at_speed(task, attempt.trajectory)  # structures rarely settle there; the mesh's motion converges sooner
     begun = budget.left
     numbers = task.policy.refinement
     found = _by_switching(task, attempt, budget, numbers.switch_budget_at_speed if fast else numbers.switch_budget)
@@ -109,12 +109,6 @@ def _landed(task: Task, found: "_Resolved", attempt: Attempt, budget: Budget) ->
         if not rank(task, landed[-1])[0]:
             break
     return landed
-
-
-def _at_speed(task: Task, motion: Trajectory) -> bool:
-    """Whether a motion reaches a velocity limit, which the switching structures do not model."""
-    near = (1 - task.policy.arcs.near_speed) * task.problem.limits.velocity
-    return bool(np.any(np.abs(motion.v) >= near))
 
 
 def is_resolved(optimum: Optimum) -> bool:

@@ -16,6 +16,7 @@ from armdyn.optimal.solve.direct import Attempt, solve_on_mesh
 from armdyn.optimal.task.options import SolverSettings
 from armdyn.optimal.task.tableau import DynamicsForm
 from armdyn.optimal.task.task import Task
+from armdyn.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +74,8 @@ def find(task: Task) -> SearchResult:
         iterations, (mesh, meshes, share) = iterations + refined.iterations, finer
         # Meshes err for heavy arms, whose optima are near the straight path.
         near = replace(task, policy=task.policy.changed("search", spread=1.0, uniform_spread=0.0))
-        several = min(count, max(count // share, numbers.least_repeated))
+        least = numbers.least_repeated[at_speed(task, refined.attempts[0].trajectory)]
+        several = min(count, max(count // share, least))
         prepare_quickly(task, mesh, task.fine())
         with near.with_options(intervals=mesh).pooled(has_stagewise(near)) as near:
             again = _searched(near, several, SearchSettings(meshes, task.coarse()), known=refined.attempts)
@@ -160,6 +162,12 @@ def _too_coarse(task: Task, found: Sequence[Attempt], refined: SearchResult) -> 
     finer = doubled(mesh, task.options.max_intervals) if confirmed else None
     on = finer or mesh
     return on, (on, on * 3 // 2), 4 if finer else 2
+
+
+def at_speed(task: Task, motion: Trajectory) -> bool:
+    """Whether a motion reaches a velocity limit, which the switching structures do not model."""
+    near = (1 - task.policy.arcs.near_speed) * task.problem.limits.velocity
+    return bool(np.any(np.abs(motion.v) >= near))
 
 
 def _misses_goal(task: Task, attempt: Attempt) -> bool:
