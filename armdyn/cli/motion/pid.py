@@ -87,9 +87,9 @@ def pid(task: ArmOptions, loop: PidLoopOptions, results: ResultOptions) -> Answe
 def _words(run: ad.Run) -> dict[str, str]:
     """A run in words."""
     return {
-        "status": f"{run.status}: {run.message}",
+        "status": run.message,
         "arrival": _arrival(run),
-        "overshoot": ", ".join(f"{x:.4f}" for x in run.overshoot) + " rad",
+        "overshoot": run.words()["overshoot"],
         "max Re λ": f"{run.max_real_eigenvalue:.4f} 1/s",
     }
 

@@ -104,8 +104,8 @@ def _arrived(run: Run, goal: Array, arrival: Arrival, growth: float) -> Run:
     )
     if growth < 0:
         return run
-    message = run.message if not run.settled else f"within {arrival.tolerance:g} of the goal at the end"
-    message = f"{message}; the loop is not stable at the goal, max Re λ = {growth:+.4g} 1/s"
+    message = f"{'not settled: ' if run.settled else ''}{run.message}; the loop is not stable at the goal, "
+    message += f"max Re λ = {growth:+.4g} 1/s"
     return replace(run, status="not_settled" if run.settled else run.status, message=message)
 
 
@@ -122,5 +122,6 @@ def pid_summary(run: Run) -> dict[str, object]:
         "status": str(run.status),
         **attributes(run, "message", "arrival_time", "arrival_rule", "overshoot", "max_real_eigenvalue"),
         "settling_time": run.settled_time,
+        "limits_exceeded": list(run.limits_exceeded),
         "duration": run.trajectory.duration,
     }

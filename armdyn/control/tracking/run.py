@@ -250,11 +250,8 @@ def _status(
     unit = "m" if robot.slides[worst] else "rad"
     where = f"{robot.joint_names[worst]} is {last[worst]:.4g} {unit} from the goal"
     if driven.ended == "diverged":
-        speed = np.abs(driven.v[-1]).max()
-        return (
-            "diverged",
-            f"diverged at t = {end:.6g} s: {where}, the fastest joint's speed is {speed:.4g} rad/s or m/s",
-        )
+        speed = f"{np.abs(driven.v[-1]).max():.4g} {joint_unit(robot.slides, 'rad/s', 'm/s')}"
+        return "diverged", f"diverged at t = {end:.6g} s: {where}, the fastest joint's speed is {speed}"
     if driven.ended == "failed":
         return "failed", f"the integrator gave up at t = {end:.6g} s, where no step is short enough: {where}"
     if there is not None:

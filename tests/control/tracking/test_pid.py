@@ -78,6 +78,7 @@ def test_summary_is_json():
     assert summary["arrival_rule"] == FIRST
     assert summary["arrival_time"] == pytest.approx(4.5535, abs=SAMPLING)
     assert summary["settling_time"] == pytest.approx(5.8535, abs=1e-2)
+    assert summary["limits_exceeded"] == []
 
 
 def test_arrival_lies_on_the_tolerance():
@@ -232,6 +233,16 @@ def test_unstable_loop_of_three_joints_returns():
     assert not run.settled
     assert "max Re λ = +1.303" in run.message
     assert run.trajectory.duration == 10.0
+
+
+def test_an_unstable_loop_that_is_at_its_goal_names_the_limits_that_it_exceeded():
+    robot, _ = example("R Ex4")
+    up, slow = {"q_start": [np.pi / 2], "q_goal": [np.pi / 2]}, robot.with_limits(None, velocity_limit=0.01)
+    run = simulate_pid(slow, **up, v_start=[0.02], gains=PidGains(3, 0, 0), duration=0.2)
+    assert run.status == "not_settled" and run.settled_time is None and run.max_real_eigenvalue > 0
+    assert run.message.startswith("not settled: all joints within 0.005 rad of the goal from t = 0 s on; but joint1")
+    assert pid_summary(run)["limits_exceeded"] == [*run.limits_exceeded] != []
+    assert f"{run.limits_exceeded[0]}; the loop is not stable at the goal" in run.message
 
 
 def test_torque_saturates_at_the_effort_limits():
