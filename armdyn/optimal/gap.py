@@ -90,7 +90,7 @@ def check_motion(robot: Robot, trajectory: Trajectory, limits: JointLimits | Non
     """
     _check_joints(robot, trajectory)
     limits = robot.limits if limits is None else limits
-    violation = worst_violation(limits, trajectory, robot.joint_names, dense=2)
+    violation = worst_violation(robot, limits, trajectory, dense=2)
     parts = [replace(part, pieces=()) for part in trajectory.split()]
     arms = robots_of(robot, trajectory)
     return MotionCheck(

@@ -31,12 +31,14 @@ class Excess:
         limit: name of the limit, for messages.
         t: times of the check [s], shape (m,).
         beyond: excess at these times, in the limit's unit, shape (m, nv); not positive: the limit is kept.
+        units: of a joint that turns, and of one that slides.
         size: size of the limit, the scale of an excess, shape (nv,).
     """
 
     limit: str
     t: Array
     beyond: Array
+    units: tuple[str, str]
     size: Array
 
     @property
@@ -44,10 +46,12 @@ class Excess:
         """The largest excess as a part of the limit; 0 if the limit is kept."""
         return max(0.0, float(np.max(self.beyond / self.size)))
 
-    def worst(self, joint_names: tuple[str, ...]) -> Violation:
+    def worst(self, robot: Robot) -> Violation:
         """Largest violation, with its joint and time."""
         k, i = np.unravel_index(np.argmax(self.beyond / self.size), self.beyond.shape)
-        return Violation(self.limit, joint_names[i], float(self.t[k]), float(self.beyond[k, i] / self.size[i]))
+        excess = f"{self.beyond[k, i]:.3g} {self.units[int(robot.slides[i])]}"
+        share = float(self.beyond[k, i] / self.size[i])
+        return Violation(self.limit, robot.joint_names[i], float(self.t[k]), share, excess)
 
 
 def excesses(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> tuple[Excess, Excess, Excess]:
@@ -69,18 +73,21 @@ def excesses(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> t
             "torque limit",
             motion.t,
             limits.actuators.excess(motion.tau, motion.q, motion.v),
+            ("N m", "N"),
             limits.actuators.scale,
         ),
         Excess(
             "velocity limit",
             t,
             np.abs(v) - limits.velocity,
+            ("rad/s", "m/s"),
             np.where(np.isinf(limits.velocity), 1.0, limits.velocity),
         ),
         Excess(
             "position limit",
             t,
             np.maximum(q - limits.position_upper, limits.position_lower - q),
+            ("rad", "m"),
             np.maximum(bounded, 1.0),
         ),
     )
@@ -106,11 +113,11 @@ def limit_violation(limits: JointLimits, motion: Trajectory, dense: int = BETWEE
 
 
 def worst_violation(
-    limits: JointLimits, motion: Trajectory, joint_names: tuple[str, ...], dense: int = BETWEEN
+    robot: Robot, limits: JointLimits, motion: Trajectory, dense: int = BETWEEN
 ) -> Violation | None:
     """The largest excess over a limit; None if all are kept. Arguments as for `excesses`."""
     worst = max(excesses(limits, motion, dense), key=lambda excess: excess.share)
-    return worst.worst(joint_names) if worst.share > 0 else None
+    return worst.worst(robot) if worst.share > 0 else None
 
 
 def can_be_slowed(problem: MinimumTimeProblem) -> bool:

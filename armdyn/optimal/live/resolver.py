@@ -285,7 +285,7 @@ def _solution(
 ) -> Solution:
     """The solution from a motion within all limits."""
     status, motion = outcome
-    exceeded = worst_violation(problem.limits, motion, problem.robot.joint_names, dense=2)
+    exceeded = worst_violation(problem.robot, problem.limits, motion, dense=2)
     error = np.abs(problem.goal_error_of(motion))
     certificate = Certificate(
         float(np.max(error[: problem.robot.nv])), float(np.max(error[problem.robot.nv :])),

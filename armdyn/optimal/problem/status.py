@@ -57,15 +57,18 @@ class Violation:
         joint: name of the joint, or of the limited frame or body.
         time: time of the violation [s].
         value: size, scaled.
+        excess: size in the limit's own unit, in words; empty where there is none.
     """
 
     constraint: str
     joint: str
     time: float
     value: float
+    excess: str = ""
 
     def __str__(self) -> str:
-        return f"{self.constraint} of joint {self.joint!r} at t = {self.time:.4g} s by {self.value:.3g} (scaled)"
+        size = self.excess or f"{self.value:.3g} (scaled)"
+        return f"{self.constraint} of joint {self.joint!r} at t = {self.time:.4g} s by {size}"
 
 
 class Stop:

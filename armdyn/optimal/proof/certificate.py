@@ -265,7 +265,7 @@ def certify(
     """
     goal = float(np.max(np.abs(replay.q[-1] - problem.q_goal)))
     goal_velocity = float(np.max(np.abs(replay.v[-1] - problem.v_goal)))
-    exceeded = worst_violation(problem.limits, replay, problem.robot.joint_names)
+    exceeded = worst_violation(problem.robot, problem.limits, replay)
     limit = exceeded.value if exceeded else 0.0
     plain = Certificate(goal, goal_velocity, limit, remark=remark, exceeded=exceeded)
     if phases is None:

@@ -65,7 +65,7 @@ def repeated(problem: MinimumTimeProblem, motion: Trajectory, certificate: Certi
     followed = under_feedback(robot, problem.limits, motion, segments)
     if followed is None:
         return replace(judged, goal_error=np.inf, goal_velocity_error=np.inf, remark=_LEFT)
-    exceeded = worst_violation(problem.limits, followed.motion, robot.joint_names)
+    exceeded = worst_violation(robot, problem.limits, followed.motion)
     if exceeded is None or exceeded.value <= certificate.limit_violation:
         exceeded = certificate.exceeded
     missed = np.abs(problem.goal_error_of(followed.motion)) + ACCURACY

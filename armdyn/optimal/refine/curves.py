@@ -246,7 +246,7 @@ def _failed(task: Task, refined: RefinedCurve) -> Attempt:
         unit = "N" if problem.robot.slides[j] else "N m"
         message += f"; joint {name!r} needs {abs(hold[j]):.3g} {unit} to hold the goal, its limit is {most:.3g} {unit}"
     status = Status.INFEASIBLE if result.status is Status.SOLVED else result.status
-    worst = worst_violation(limits, motion, problem.robot.joint_names, dense=1)
+    worst = worst_violation(problem.robot, limits, motion, dense=1)
     return Attempt(status, message, motion, refined.curve.legs[0].basis.intervals, refined.iterations, worst)
 
 

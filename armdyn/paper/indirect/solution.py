@@ -240,7 +240,7 @@ def _limit_left(problem: MinimumTimeProblem, motion: Trajectory) -> str:
     excess = max(others, key=lambda one: one.share)
     if excess.share <= _LIMIT_SLACK:
         return ""
-    worst = excess.worst(problem.robot.joint_names)
+    worst = excess.worst(problem.robot)
     return f"joint {worst.joint!r} leaves its {excess.limit} by {worst.value:.2g} of it at t = {worst.time:.4g} s"
 
 

@@ -24,18 +24,19 @@ def test_the_worst_limit_is_named_with_joint_and_time():
     t = [0.0, 1.0, 2.0]
     q, tau = np.zeros((3, 2)), np.array([[0.0, 0.0], [0.0, 4.5], [0.0, 0.0]])
     motion = ad.Trajectory(t, q, np.array([[0.0, 0.0], [1.2, 0.0], [0.0, 0.0]]), tau)
-    worst = worst_violation(problem.limits, motion, problem.robot.joint_names)
+    worst = worst_violation(problem.robot, problem.limits, motion)
     assert (worst.constraint, worst.joint, worst.time) == ("torque limit", "joint2", 1.0)
     assert worst.value == pytest.approx(0.5)  # 1.5 of 3 N m
     assert excesses(problem.limits, motion, dense=1)[1].share == pytest.approx(0.2)
-    assert excesses(problem.limits, motion, dense=1)[1].worst(("a", "b")).joint == "a"
+    fast = excesses(problem.limits, motion, dense=1)[1].worst(problem.robot)
+    assert str(fast) == "velocity limit of joint 'joint1' at t = 1 s by 0.2 rad/s"
 
 
 def test_a_motion_within_its_limits_exceeds_none():
     problem = paper_problem("rr")
     still = ad.Trajectory([0, 1], np.zeros((2, 2)), np.zeros((2, 2)), np.zeros((2, 2)))
     assert limit_violation(problem.limits, still) == 0.0
-    assert worst_violation(problem.limits, still, problem.robot.joint_names) is None
+    assert worst_violation(problem.robot, problem.limits, still) is None
 
 
 FACTORS = st.floats(0.5, 2.0)
