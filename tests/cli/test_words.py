@@ -58,7 +58,7 @@ def test_the_checks_are_said_apart():
     assert words["lands"].startswith("yes: open-loop replay") and words["keeps its limits"].startswith("yes: ")
     assert words["extremal"].startswith("yes: |H| ≤ ") and "adjoint equations to " in words["extremal"]
     assert words["time decided by"].startswith("joint1's torque limit 4")
-    assert words["lower bound"] == "none is known" and not {"idle", "what you can do"} & set(words)
+    assert words["lower bound"] == "none was computed" and not {"idle", "what you can do"} & set(words)
 
 
 def test_a_small_gap_certifies_and_a_larger_one_has_a_remedy():

@@ -124,7 +124,8 @@ def _for_gap(problem: MinimumTimeProblem, certificate: Certificate) -> str:
     if certificate.gap is None and np.all(np.isinf(problem.limits.velocity)):
         return "no gap: without velocity limits no lower bound is known: give `velocity_limit`"
     if certificate.gap is None:
-        return "no gap: no lower bound is known; a `velocity_limit` that the motion nearly reaches would give one"
+        where = "weak where velocity limits do not shape the motion"
+        return f"no gap: no lower bound was computed: ad.lower_bound(problem) gives one, {where}"
     if not certificate.gap_proven and certificate.on_goal:
         return "the motion is faster than the lower bound: one of the two is wrong: a bug in armdyn"
     if not certificate.gap_proven:

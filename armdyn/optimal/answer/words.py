@@ -103,7 +103,7 @@ def _extremal(solution: Solution) -> tuple[bool | None, str]:
 def _bound(solution: Solution) -> tuple[bool | None, str]:
     """The lower bound, and the motion's excess over it."""
     if solution.gap is None:
-        return None, "none is known"
+        return None, "none was computed"
     above = f"{percent(max(solution.gap, 0.0))} above the lower bound of {solution.lower_bound:.6f} s"
     return solution.gap_proven, f"at most {above}" if solution.gap_proven else f"about {above}, not proven"
 

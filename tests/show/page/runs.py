@@ -36,7 +36,7 @@ FACTS = {
         {"name": "lands", "holds": True, "said": "open-loop replay ends within 8e-11 rad of the goal (growth 12)"},
         {"name": "keeps its limits", "holds": True, "said": "no limit is exceeded"},
         {"name": "extremal", "holds": False, "said": "|H| ≤ 3.0e-02, wrong signs ≤ 1.0e-03, 3 arcs"},
-        {"name": "lower bound", "holds": None, "said": "none is known"},
+        {"name": "lower bound", "holds": None, "said": "none was computed"},
     ],
     "arcs": [
         {"duration": 0.08, "modes": ["torque upper", "torque upper"]},
