@@ -56,7 +56,9 @@ def test_unmet_conditions_are_missing_with_their_reasons():
     assert line.startswith("extremal is missing: not extremal: ")
     assert missing(gap(7e-3), "gap:0.5%") == ["gap:0.5% is missing: the gap is 0.7 %"]
     (line,) = missing(solved("r"), "gap:0.5%", "certified")
-    assert line.startswith("gap:0.5% is missing: no gap: no lower bound was computed: ad.lower_bound(problem) gives one")
+    assert line.startswith(
+        "gap:0.5% is missing: no gap: no lower bound was computed: ad.lower_bound(problem) gives one"
+    )
 
 
 def test_a_gap_that_is_not_proven_is_none():

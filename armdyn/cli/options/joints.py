@@ -9,6 +9,7 @@ from armdyn.arguments import shown
 from armdyn.cli.options.groups import LIMITS, ROBOT, PerJoint, group, option
 from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import numbers, one_or_more
+from armdyn.reprs import joint_unit
 
 if TYPE_CHECKING:
     from armdyn.models.values.friction import FrictionValue
@@ -138,8 +139,10 @@ def friction_words(robot: ad.Robot) -> dict[str, str]:
     widths = width if isinstance(width, list) else [width]
     each = [[f"{x:.4g}" for x in values] for values in (*own.per_joint(robot.nv), widths)]
     damping, coulomb, over = (words[0] if len(set(words)) == 1 else ", ".join(words) for words in each)
-    text = f"viscous {damping} N m s/rad, Coulomb {coulomb} N m"
-    return {"joint friction": f"{text} (over {over} rad/s)"}
+    viscous, dry, speed = (
+        joint_unit(robot.slides, *units) for units in (("N m s/rad", "N s/m"), ("N m", "N"), ("rad/s", "m/s"))
+    )
+    return {"joint friction": f"viscous {damping} {viscous}, Coulomb {coulomb} {dry} (over {over} {speed})"}
 
 
 def carried_facts(robot: ad.Robot) -> dict[str, object]:

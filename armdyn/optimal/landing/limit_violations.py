@@ -112,9 +112,7 @@ def limit_violation(limits: JointLimits, motion: Trajectory, dense: int = BETWEE
     return max(excess.share for excess in excesses(limits, motion, dense))
 
 
-def worst_violation(
-    robot: Robot, limits: JointLimits, motion: Trajectory, dense: int = BETWEEN
-) -> Violation | None:
+def worst_violation(robot: Robot, limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> Violation | None:
     """The largest excess over a limit; None if all are kept. Arguments as for `excesses`."""
     worst = max(excesses(limits, motion, dense), key=lambda excess: excess.share)
     return worst.worst(robot) if worst.share > 0 else None

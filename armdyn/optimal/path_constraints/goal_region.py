@@ -18,6 +18,7 @@ from armdyn.optimal.path_constraints.rows import RowValues, StageRows, Where
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.program.interval import Stages
+from armdyn.reprs import joint_unit
 from armdyn.trajectory import Trajectory
 
 _LEAST = 1e-2
@@ -152,7 +153,8 @@ class ViaPoints(PathConstraint):
             else:
                 distance = np.abs(motion(time).q - np.asarray(via))
                 error, which = float(np.max(distance)), problem.robot.joint_names[int(np.argmax(distance))]
-                enough, miss = self.policy.near, f"{error:.2g} rad off via point {i}"
+                miss = f"{error:.2g} {joint_unit(problem.robot.slides)} off via point {i}"
+                enough = self.policy.near
             errors.append(error)
             if error > enough:
                 reasons.append(f"it passes {miss}")

@@ -14,6 +14,7 @@ from armdyn.models.scene.collision import CollisionModel
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
 from armdyn.optimal.problem.planning_limits import reserve_words
+from armdyn.reprs import joint_unit
 
 _TYPED = 1e-9
 """Largest excess of a pose over a position limit that is accepted [rad or m]: poses are typed with ten digits."""
@@ -31,8 +32,8 @@ SLOWEST = 1e-9
 def check_state(robot: Robot, limits: JointLimits, q: Array, v: Array, name: str, reserve: Array) -> None:
     """Refuse a state outside the limits; reserve: parts by which the velocity limits are reduced, shape (nv,)."""
     for i, joint in enumerate(robot.joint_names):
+        unit = joint_unit(robot.slides[[i]])
         if not limits.position_lower[i] - _TYPED <= q[i] <= limits.position_upper[i] + _TYPED:
-            unit = "m" if robot.slides[i] else "rad"
             raise ProblemError(
                 f"{name} of joint {joint!r} (index {i}) is {q[i]:.6g} {unit}, outside its limits "
                 f"[{limits.position_lower[i]:.6g}, {limits.position_upper[i]:.6g}] {unit}"
@@ -40,13 +41,12 @@ def check_state(robot: Robot, limits: JointLimits, q: Array, v: Array, name: str
             )
         if abs(v[i]) > limits.velocity[i] + _TYPED:
             raise ProblemError(
-                f"{name} velocity of joint {joint!r} (index {i}) is {v[i]:.6g} rad/s, beyond its limit "
-                f"{limits.velocity[i]:.6g} rad/s{reserve_words(reserve[i], limits.velocity[i], 'rad/s')}"
+                f"{name} velocity of joint {joint!r} (index {i}) is {v[i]:.6g} {unit}/s, beyond its limit "
+                f"{limits.velocity[i]:.6g} {unit}/s{reserve_words(reserve[i], limits.velocity[i], f'{unit}/s')}"
             )
         outward = -v[i] if name == "goal" else v[i]  # backwards in time at the goal
         on_upper, on_lower = q[i] >= limits.position_upper[i], q[i] <= limits.position_lower[i]
         if (on_upper and outward > _STILL) or (on_lower and outward < -_STILL):
-            unit = "m" if robot.slides[i] else "rad"
             raise ProblemError(
                 f"{name} of joint {joint!r} (index {i}) is on its position limit {q[i]:.6g} {unit}, and its velocity "
                 f"{v[i]:.6g} {unit}/s {'comes from' if name == 'goal' else 'leads'} beyond: no motion keeps the limit"
@@ -88,20 +88,21 @@ def check_every_joint_has_motor(robot: Robot, limits: JointLimits, reason: str) 
 def check_limits(robot: Robot, limits: JointLimits) -> None:
     """Refuse empty ranges of position or torque, and infinite torque limits."""
     for i, joint in enumerate(robot.joint_names):
+        unit, effort = joint_unit(robot.slides[[i]]), joint_unit(robot.slides[[i]], "N m", "N")
         lower, upper = limits.actuators.lower[i], limits.actuators.upper[i]
         if not (lower < upper or limits.passive[i]) or not np.isfinite(upper - lower):
             raise ProblemError(
-                f"joint {joint!r} has torque limits [{lower}, {upper}] N m; minimum time needs finite ones, the lower "
-                f"below the upper: give `effort_limit`, or name the joint in `passive` if it has no motor"
+                f"joint {joint!r} has torque limits [{lower}, {upper}] {effort}; minimum time needs finite ones, the "
+                f"lower below the upper: give `effort_limit`, or name the joint in `passive` if it has no motor"
             )
         if not limits.velocity[i] >= SLOWEST:
             raise ProblemError(
-                f"joint {joint!r} has velocity limit {limits.velocity[i]} rad/s; it must be positive, "
+                f"joint {joint!r} has velocity limit {limits.velocity[i]} {unit}/s; it must be positive, "
                 f"{SLOWEST:g} at least"
             )
         lower, upper = limits.position_lower[i], limits.position_upper[i]
         if not lower < upper:
-            raise ProblemError(f"joint {joint!r} has position limits [{lower}, {upper}] rad: no room")
+            raise ProblemError(f"joint {joint!r} has position limits [{lower}, {upper}] {unit}: no room")
 
 
 def check_poses(poses: Array) -> None:

@@ -14,6 +14,7 @@ from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.per_joint import per_joint
+from armdyn.reprs import joint_unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +150,7 @@ def rate_limit(value: ArrayLike | None, name: str, robot: Robot, preset: Control
     Raises:
         ProblemError: the value is not one positive number, nor one per joint.
     """
-    unit = {"acceleration_limit": "rad/s²", "jerk_limit": "rad/s³"}[name]
+    unit = f"{joint_unit(robot.slides)}/s{'²' if name == 'acceleration_limit' else '³'}"
     found = None if preset is None else preset.limit(name.removesuffix("_limit"))
     if value is not None:
         own = per_joint(value, robot.joint_names, name, unit=unit, error=ProblemError, finite=False, sign="positive")

@@ -8,8 +8,10 @@ from hypothesis import strategies as st
 
 import armdyn as ad
 from armdyn.cli.invocation import running
+from armdyn.cli.options.joints import friction_words
 from armdyn.cli.options.poses import position, positions, sliding_locks
 from armdyn.errors import ProblemError
+from problems import CART
 
 
 @pytest.mark.parametrize(
@@ -25,6 +27,8 @@ def test_angles(text, value):
 
 def test_joints_that_slide_are_in_metres():
     assert position("0.1m", "--q-goal", slides=True) == 0.1
+    rubbing = friction_words(ad.Robot.from_urdf_string(CART, damping=1, friction=2))["joint friction"]
+    assert rubbing == "viscous 1 N s/m, Coulomb 2 N (over 0.05 m/s)"
     with pytest.raises(ProblemError, match="'90deg', but the joint slides"):
         position("90deg", "--q-goal", slides=True)
     with pytest.raises(ProblemError, match=r"'0\.1m', but the joint turns"):

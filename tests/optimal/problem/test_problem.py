@@ -9,7 +9,7 @@ from armdyn.errors import ProblemError
 from armdyn.optimal.answer.words import assessment
 from armdyn.optimal.search.goals import screened
 from armdyn.optimal.task.task import Task
-from problems import POSES, paper_arm, paper_problem
+from problems import CART, POSES, paper_arm, paper_problem
 
 
 @pytest.mark.parametrize(
@@ -40,6 +40,21 @@ def test_ill_posed(change, message):
     given = {"q_start": POSES["rr"][0], "q_goal": POSES["rr"][1], **change}
     with pytest.raises(ProblemError, match=message):
         ad.MinimumTimeProblem(paper_arm("rr"), **given)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"v_start": [2000.0]}, "is 2000 m/s, beyond its limit 1000 m/s"),
+        ({"velocity_limit": 1e-10}, "velocity limit 1e-10 m/s"),
+        ({"effort_limit": np.inf}, r"\[-inf, inf\] N;"),
+        ({"position_limit": (1.0, 1.0)}, r"\[1.0, 1.0\] m: no room"),
+        ({"acceleration_limit": -2.0}, "is -2.0 m/s² "),
+    ],
+)
+def test_limits_of_a_joint_that_slides_have_its_units(change, message):
+    with pytest.raises(ProblemError, match=message):
+        ad.MinimumTimeProblem(ad.Robot.from_urdf_string(CART), q_start=[0.0], q_goal=[1.0], **change)
 
 
 def test_a_motion_may_leave_a_limit_and_end_on_one():
