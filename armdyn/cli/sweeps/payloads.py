@@ -14,9 +14,10 @@ from armdyn.cli.invocation import in_options
 from armdyn.cli.motion.require import missing_of
 from armdyn.cli.options.joints import reserve_words
 from armdyn.cli.sweeps.study import SweepResults
+from armdyn.files import csv_text, write_whole
 from armdyn.optimal.answer.solution import reserve_summary
 from armdyn.optimal.problem.status import stopping
-from armdyn.show.figures.payload_sweep import motion_name, table_names, write_sweep
+from armdyn.show.results import save_results
 from armdyn.studies.continuation import chain
 from armdyn.studies.executor import in_process
 from armdyn.studies.rows import StudyRow, row_store
@@ -47,7 +48,9 @@ def run_payloads(
     """
     first = next(iter(problems.values()))
     arm, figure = first.robot, not results.no_figure
-    folder = results.output.folder("sweep", name, [ROWS, *map(motion_name, problems), *table_names(figure=figure)])
+    files = [ROWS, *map(_motion_name, problems), "sweep.csv", "result.json"]
+    files += ["figure.png", "figure.pdf"] if figure else []
+    folder = results.output.folder("sweep", name, files)
     folder.mkdir(parents=True, exist_ok=True)
     with working(f"minimum times of {arm.name}") as progress:
         found, motions = _solved(folder, problems, options, progress)
@@ -57,7 +60,7 @@ def run_payloads(
         rows = [_line(row) for row in found]
         figure = figure and status != "interrupted"  # after Ctrl-C the user does not wait for it
         progress("writing the table and the figure" if figure else "writing the table")
-        files = write_sweep(folder, arm, rows, motions, f"{arm.name}: minimum time over payload", figure=figure)
+        written = _write(folder, arm, rows, motions, figure=figure)
     missing = [
         f"{1e3 * row.settings['payload']:g} g: {text}"
         for row in found
@@ -77,7 +80,7 @@ def run_payloads(
     kept = [f"{what}: {parts}" for what, parts in reserve_words(first).items()]
     shown: list[Shown] = [_table(arm.name, rows), *kept, f"results in {escape(str(folder))}"]
     remarks = [*failing, *(f"required: {escape(in_options(text))}" for text in missing)]
-    return judged(facts, *shown, usable=status == "done", as_required=not missing, remarks=remarks, files=files)
+    return judged(facts, *shown, usable=status == "done", as_required=not missing, remarks=remarks, files=written)
 
 
 def _solved(
@@ -87,7 +90,7 @@ def _solved(
     files: dict[int, Path] = {}
     partial: dict[int, StudyRow] = {}
     robots = [one.robot for one in problems.values()]
-    names = [motion_name(mass) for mass in problems]
+    names = [_motion_name(mass) for mass in problems]
 
     def save(k: int, motion: ad.Trajectory) -> None:
         files[k] = replace(motion, model_hash=robots[k].model_hash).save(folder / names[k])
@@ -120,6 +123,26 @@ def _line(row: StudyRow) -> dict[str, Any]:
         "solve_time_s": round(row.seconds, 3),
         "message": row.message,
     }
+
+
+def _write(
+    folder: Path, arm: ad.Robot, rows: Sequence[dict[str, Any]], files: Sequence[Path], *, figure: bool
+) -> list[Path]:
+    """Write sweep.csv, the figure and result.json next to the motions; returns all files, the motions first."""
+    table = csv_text([rows[0], *(row.values() for row in rows)])
+    files = [*files, write_whole(folder / "sweep.csv", table.encode())]
+    if figure:
+        from armdyn.show.figures.sweeps import plot_sweep
+        from armdyn.show.plots import save_figures
+
+        drawn = plot_sweep(rows, f"{arm.name}: minimum time over payload")
+        files += save_figures(drawn, folder / "figure", ("png", "pdf"))
+    return save_results(folder, arm, {"rows": rows}, files)
+
+
+def _motion_name(payload: float) -> str:
+    """File name of the motion with a payload [kg]."""
+    return f"{1e3 * payload:g}g.npz"
 
 
 def _status(found: Sequence[StudyRow], total: int) -> str:

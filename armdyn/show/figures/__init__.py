@@ -1,1 +1,1 @@
-"""Figures of sweeps, loops and payloads; colours, lines and limits of all figures."""
+"""Figures of sweeps and loops; colours, lines and limits of all figures."""
