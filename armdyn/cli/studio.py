@@ -9,13 +9,12 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import armdyn as ad
-from armdyn import models
 from armdyn.cli import interrupts
 from armdyn.cli.console import Answer, console, facts_table, working, write_json
 from armdyn.cli.invocation import option_value
 from armdyn.cli.motion.mintime import CurveOptions
 from armdyn.cli.options.groups import OUTPUT, TASK, flag, group, option
-from armdyn.cli.options.poses import GoalOptions
+from armdyn.cli.options.poses import End, GoalOptions
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.task import ProblemOptions
 from armdyn.errors import ArmdynWarning, FileError, MissingPackageError
@@ -23,7 +22,6 @@ from armdyn.errors import ArmdynWarning, FileError, MissingPackageError
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from armdyn.paper import Kind
     from armdyn.show.studio.session import SessionSetup
     from armdyn.show.studio.state import StudioState
 
@@ -35,27 +33,20 @@ _TURN, _SHIFT = 1.0, 0.2
 class FirstPoses(GoalOptions):
     """Start and goal of a page that is opened; both have defaults, since they are changed there."""
 
-    def start(self, robot: ad.Robot, name: str, kind: Kind = "minimum_time") -> list[float]:
-        """Joint positions of the start; by default the first named pose, or the middle of the joints' ranges."""
-        if self.q_start is not None or name in models.PLANAR_ARMS:
-            return super().start(robot, name, kind)
+    def default(self, which: End, robot: ad.Robot, name: str) -> list[float]:
+        """Start: the first named pose, or the middle of the joints' ranges. Goal: the first joint turns, or slides."""
+        lower, upper = robot.limits.position_lower, robot.limits.position_upper
+        if which == "q_goal":
+            q, way = self.end("q_start", robot, name), _SHIFT if robot.slides[0] else _TURN
+            up, down = upper[0] - q[0], q[0] - lower[0]
+            q[0] += min(way, up) if up >= min(way, down) else -min(way, down)
+            return q
         import numpy as np
 
-        lower, upper = robot.limits.position_lower, robot.limits.position_upper
         named = [pose for pose in robot.poses.values() if np.all((lower <= pose) & (pose <= upper))]
         bounded = np.isfinite(lower + upper)
         middle = np.where(bounded, np.where(bounded, lower + upper, 0.0) / 2, np.clip(0.0, lower, upper))
         return [float(q) for q in (named[0] if named else middle)]
-
-    def goal(self, robot: ad.Robot, name: str, kind: Kind = "minimum_time") -> list[float]:
-        """The goal; by default the first joint turns, or slides."""
-        if self.q_goal is not None or name in models.PLANAR_ARMS:
-            return super().goal(robot, name, kind)
-        q, limits = self.start(robot, name, kind), robot.limits
-        way = _SHIFT if robot.slides[0] else _TURN
-        up, down = limits.position_upper[0] - q[0], q[0] - limits.position_lower[0]
-        q[0] += min(way, up) if up >= min(way, down) else -min(way, down)
-        return q
 
 
 @group()

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import armdyn as ad
 from armdyn import models
-from armdyn.cli.invocation import option_value
+from armdyn.cli.invocation import flag_of, option_value
 from armdyn.cli.options.groups import TASK, Numbers, flag, group, option
 from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import numbers, unit_said
@@ -16,6 +16,9 @@ from armdyn.parsing.numbers import position as typed_position
 
 if TYPE_CHECKING:
     from armdyn.paper import Kind
+
+End = Literal["q_start", "q_goal"]
+ENDS: tuple[End, End] = ("q_start", "q_goal")
 
 
 def degrees_are_on() -> bool:
@@ -72,48 +75,43 @@ class PoseOptions:
     )
     q_goal: str | None = option("Q,Q,…|NAME", "Goal, like --q-start.")
 
-    def start(self, robot: ad.Robot, name: str, kind: Kind = "minimum_time") -> list[float]:
-        """Joint positions of the start; by default those of the paper's example.
+    def end(self, which: End, robot: ad.Robot, name: str, kind: Kind = "minimum_time") -> list[float]:
+        """Joint positions at the start or the goal; of r, rr and rrr by default those of the paper's example.
 
         Args:
+            which: the option.
             robot: that moves.
             name: of the robot, as the user gave it.
             kind: of the example.
 
         Raises:
-            ProblemError: neither.
+            ProblemError: the option is malformed, or missing; see `default`.
         """
-        return _pose("--q-start", self.q_start, robot, name, kind)
+        if (text := getattr(self, which)) is not None:
+            return positions(text, flag_of(which), robot)
+        if name not in models.PLANAR_ARMS:
+            return self.default(which, robot, name)
+        from armdyn.paper import example
 
-    def goal(self, robot: ad.Robot, name: str, kind: Kind = "minimum_time") -> list[float]:
-        """Joint positions of the goal; see `start`."""
-        return _pose("--q-goal", self.q_goal, robot, name, kind)
+        return list(getattr(example(name, kind), which))
+
+    def default(self, which: End, robot: ad.Robot, name: str) -> list[float]:
+        """Joint positions where an option is not given.
+
+        Raises:
+            ProblemError: there are none by default.
+        """
+        option, poses = flag_of(which), ", ".join(robot.poses)
+        names = f", or a pose that has a name ({poses})" if poses else ""
+        example = ",".join(["0", "90deg", "0.5"][: robot.nv] + ["0"] * (robot.nv - 3))
+        raise ProblemError(
+            f"give {option} for {robot.name}: {robot.nv} positions with commas between [rad or m; 90deg works]{names}; "
+            f"such as {option}={example}, in the order {', '.join(robot.joint_names)}"
+        )
 
     def problem_arguments(self, robot: ad.Robot, name: str) -> dict[str, Any]:
-        """Start and goal as arguments of a `MinimumTimeProblem`; arguments and errors as of `start`."""
-        return {"q_start": self.start(robot, name), "q_goal": self.goal(robot, name)}
-
-
-def _pose(option: str, text: str | None, robot: ad.Robot, name: str, kind: Kind) -> list[float]:
-    if text is not None:
-        return positions(text, option, robot)
-    if name not in models.PLANAR_ARMS:
-        raise ProblemError(_how_to_say(option, robot))
-    from armdyn.paper import example
-
-    paper = example(name, kind)
-    return list(paper.q_start if option == "--q-start" else paper.q_goal)
-
-
-def _how_to_say(option: str, robot: ad.Robot) -> str:
-    """Message for a missing pose, with its forms."""
-    poses = ", ".join(robot.poses)
-    names = f", or a pose that has a name ({poses})" if poses else ""
-    example = ",".join(["0", "90deg", "0.5"][: robot.nv] + ["0"] * (robot.nv - 3))
-    return (
-        f"give {option} for {robot.name}: {robot.nv} positions with commas between [rad or m; 90deg works]{names}; "
-        f"such as {option}={example}, in the order {', '.join(robot.joint_names)}"
-    )
+        """Start and goal as arguments of a `MinimumTimeProblem`; arguments and errors as of `end`."""
+        return {which: self.end(which, robot, name) for which in ENDS}
 
 
 @group()
@@ -173,8 +171,8 @@ class GoalOptions(PoseOptions):
             except ProblemError as error:
                 raise ProblemError(f"--goal-free or --goal-tolerance: {error}") from error
         return {
-            "q_start": self.start(robot, name),
-            "q_goal": self.goal(robot, name) if goal is None else None,
+            "q_start": self.end("q_start", robot, name),
+            "q_goal": self.end("q_goal", robot, name) if goal is None else None,
             "goal_pose": goal,
             "v_start": self.v_start,
             "v_goal": self.v_goal,

@@ -10,7 +10,7 @@ import armdyn as ad
 from armdyn.cli.options.groups import given, group
 from armdyn.cli.options.joints import FastJointOptions, JointOptions
 from armdyn.cli.options.path_constraints import PathConstraintOptions, PresetOptions
-from armdyn.cli.options.poses import GoalOptions, PoseOptions, degrees_are_on
+from armdyn.cli.options.poses import ENDS, GoalOptions, PoseOptions, degrees_are_on
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument, kind_of_file, only_in_the_file
 from armdyn.errors import ProblemError
 from armdyn.locks import cached_property
@@ -120,7 +120,8 @@ class ArmOptions:
         """
         problem, name = self.of_file, self.robot.robot
         if problem is None:
-            return self.poses.start(self.arm, name, kind), self.poses.goal(self.arm, name, kind)
+            start, goal = (self.poses.end(which, self.arm, name, kind) for which in ENDS)
+            return start, goal
         import numpy as np
 
         if np.any(problem.v_start) or np.any(problem.v_goal):
