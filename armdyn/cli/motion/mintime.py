@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, fields
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import armdyn as ad
 from armdyn.cli.console import Answer, cut_short, facts_table, judged, working
@@ -22,7 +22,6 @@ from armdyn.errors import ProblemError
 from armdyn.optimal.task.search_level import SearchLevel
 
 if TYPE_CHECKING:
-    from armdyn.studies.preset_costs import ConditionCost
     from armdyn.studies.reserve import ReserveCurve, Settling
 
 _WATCHED = 1.0
@@ -118,54 +117,6 @@ class SearchOptions(CurveOptions):
         return curve.solutions[curve.best.reserve], curve
 
 
-@dataclass(frozen=True)
-class ControllerVerdict:
-    """Check of a solution by its preset, and cost of the preset's conditions.
-
-    Attributes:
-        found: check of the motion; None: the problem has no preset, or there is no motion.
-        costs: costs of the necessary conditions.
-    """
-
-    found: ad.ControllerCheck | None = None
-    costs: tuple[ConditionCost, ...] = ()
-
-    @classmethod
-    def of(cls, solution: ad.Solution, progress: Callable[[str], None], costs: bool) -> Self:
-        """Check a solution; with `costs` solve it without each necessary condition, too."""
-        preset = solution.problem.preset
-        if preset is None or not solution.moves:
-            return cls()
-        from armdyn.studies.preset_costs import condition_costs
-
-        solved = solution.usable and solution.status is not ad.Status.INTERRUPTED
-        return cls(
-            preset.check(solution.trajectory), condition_costs(solution, None, progress) if costs and solved else ()
-        )
-
-    @property
-    def refused(self) -> bool:
-        """Whether the controller would stop the motion."""
-        return self.found is not None and not self.found.ok
-
-    @property
-    def facts(self) -> dict[str, object]:
-        """The verdict for JSON; empty without a preset."""
-        if self.found is None:
-            return {}
-        return {"controller": self.found.facts() | {"costs": [asdict(cost) for cost in self.costs]}}
-
-    @property
-    def words(self) -> dict[str, str]:
-        """The verdict as `facts_table` shows it; empty without a preset."""
-        if self.found is None:
-            return {}
-        ignored = [row for row in self.found.offences if not row.necessary]
-        lines = [str(self.found), *(f"recommended, not kept: {row}" for row in ignored[:3])]
-        words = {"controller": "\n".join(lines)}
-        return words | ({"its conditions cost": "\n".join(map(str, self.costs))} if self.costs else {})
-
-
 def mintime(
     task: ProblemOptions,
     search: SearchOptions,
@@ -208,7 +159,11 @@ def mintime(
     from armdyn.optimal.answer.solution import minimum_time_summary
     from armdyn.optimal.answer.words import standing
 
-    problem = _problem(task, results)
+    try:
+        problem = task.problem()
+    except ad.ContactError as error:
+        _show_contacts(error, task.robot.robot, results)
+        raise
     task.path_constraints.expect_bodies()
     if no_costs and problem.preset is None:
         raise ProblemError("--no-costs is about the conditions of --preset, which is not given")
@@ -216,15 +171,16 @@ def mintime(
     folder = results.folder("mintime", task.robot.robot)
     with working(f"minimum time of {arm.name}") as progress:
         solution, curve = search.solved(problem, options, lambda: task.likely, progress)
-        verdict = ControllerVerdict.of(solution, progress, not no_costs)
-        summary = cut_short(minimum_time_summary(solution) | _reserve_facts(curve) | verdict.facts)
+        accepted, controller_facts, controller_words = _by_controller(solution, progress, not no_costs)
+        reserves, reserve_choice = _by_reserve(curve)
+        summary = cut_short(minimum_time_summary(solution) | reserves | controller_facts)
         motions, obstacles = {"trajectory": solution.trajectory}, solution.problem.obstacles
         written = results.write(folder, arm, motions, summary, _title(solution), obstacles, progress=progress)
         written = written.with_files([] if results.no_figure else _write_reserves(curve, folder, arm.name))
     missing = missing_of(required, solution.usable, standing(solution))
     facts = {"robot": arm.name, **carried_facts(arm), **friction_facts(arm), **summary, "missing": missing}
-    words = _words(solution) | verdict.words | _reserve_choice(curve) | missing_words(missing) | written.words
-    shown, usable = facts_table(f"{arm.name}: minimum time", words), solution.usable and not verdict.refused
+    words = _words(solution) | controller_words | reserve_choice | missing_words(missing) | written.words
+    shown, usable = facts_table(f"{arm.name}: minimum time", words), solution.usable and accepted
     return judged(facts, shown, usable=usable, as_required=not missing, files=written.files)
 
 
@@ -240,15 +196,6 @@ def _words(solution: ad.Solution) -> dict[str, str]:
     return arm | solution_words(solution, problem.wrap)
 
 
-def _problem(task: ProblemOptions, results: ResultOptions) -> ad.MinimumTimeProblem:
-    """The problem; the page of a pose for which it is refused is written."""
-    try:
-        return task.problem()
-    except ad.ContactError as error:
-        _show_contacts(error, task.robot.robot, results)
-        raise
-
-
 def _show_contacts(error: ad.ContactError, name: str, results: ResultOptions) -> None:
     """Write a page with the pose for which a problem is refused into the folder of --out; without one, a hint."""
     hint = "--out DIR writes a page that shows the pose, with the bodies that touch in red"
@@ -261,29 +208,48 @@ def _show_contacts(error: ad.ContactError, name: str, results: ResultOptions) ->
     warnings.warn(hint, ad.ArmdynWarning, stacklevel=2)
 
 
-def _reserve_facts(curve: ReserveCurve | None) -> dict[str, object]:
-    """A reserve curve as JSON; empty without one."""
-    if curve is None:
-        return {}
-    best = curve.best
-    return {
-        "for_tracking": {"best": None if best is None else best.facts(), "rows": [row.facts() for row in curve.rows]}
-    }
+def _by_controller(
+    solution: ad.Solution, progress: Callable[[str], None], costs: bool
+) -> tuple[bool, dict[str, object], dict[str, str]]:
+    """Check of a solution by its preset, and cost of the preset's necessary conditions.
+
+    Args:
+        solution: of a minimum-time problem.
+        progress: called with the progress in words.
+        costs: solve it without each necessary condition, too.
+
+    Returns:
+        Whether the controller accepts the motion, the facts for JSON, and the words for `facts_table`; True and nothing
+        without a preset or a motion.
+    """
+    preset = solution.problem.preset
+    if preset is None or not solution.moves:
+        return True, {}, {}
+    from armdyn.studies.preset_costs import condition_costs
+
+    found = preset.check(solution.trajectory)
+    solved = solution.usable and solution.status is not ad.Status.INTERRUPTED
+    priced = condition_costs(solution, None, progress) if costs and solved else ()
+    ignored = [row for row in found.offences if not row.necessary]
+    lines = [str(found), *(f"recommended, not kept: {row}" for row in ignored[:3])]
+    words = {"controller": "\n".join(lines)} | ({"its conditions cost": "\n".join(map(str, priced))} if priced else {})
+    return found.ok, {"controller": found.facts() | {"costs": [asdict(cost) for cost in priced]}}, words
 
 
-def _reserve_choice(curve: ReserveCurve | None) -> dict[str, str]:
-    """The chosen reserve and the settled times of each, in words."""
+def _by_reserve(curve: ReserveCurve | None) -> tuple[dict[str, object], dict[str, str]]:
+    """A reserve curve as JSON, and the chosen reserve and the settled times of each in words; nothing without one."""
     if curve is None:
-        return {}
-    best = curve.best
+        return {}, {}
+    best, rows = curve.best, [row.facts() for row in curve.rows]
     if best is None:
-        return {"for tracking": "no reserve has a usable motion"}
+        return {"for_tracking": {"best": None, "rows": rows}}, {"for tracking": "no reserve has a usable motion"}
     count = len(curve.plants)
     lines = ["      motion    mean   worst  settled [s]"]
     lines += [f"{row.reserve:<5g} {row.duration:.4f}  {_settling_text(row)}" for row in curve.rows]
     last = f"the last of {count} arms settles after {best.worst:.3f} s"
     text = f"reserve {best.reserve:g}: {last if best.count == count else f'{best.count} of {count} arms settle'}"
-    return {"for tracking": text, "by reserve": "\n".join(lines)}
+    words = {"for tracking": text, "by reserve": "\n".join(lines)}
+    return {"for_tracking": {"best": best.facts(), "rows": rows}}, words
 
 
 def _write_reserves(curve: ReserveCurve | None, folder: Path, title: str) -> list[Path]:

@@ -9,7 +9,7 @@ from armdyn.cli.options.groups import Numbers, group, option
 from armdyn.cli.options.joints import friction_facts, friction_words
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.task import ArmOptions
-from armdyn.control.tracking.arrival import ARRIVAL_RULES, ArrivalRule
+from armdyn.control.tracking.arrival import ARRIVAL_RULES
 from armdyn.errors import ProblemError
 
 
@@ -33,31 +33,6 @@ class PidLoopOptions:
         show_default=False,
     )
 
-    def run(self, arm: ad.Robot, start: list[float], goal: list[float], usual: ArrivalRule) -> ad.Run:
-        """Close the loop between two poses [rad or m], each of shape (nv,).
-
-        Args:
-            arm: that moves.
-            start: from here.
-            goal: to here.
-            usual: default rule of arrival.
-
-        Raises:
-            ProblemError: the gains are not three numbers, or something does not fit the arm.
-        """
-        values = self.gains or []
-        if len(values) != 3:
-            raise ProblemError(f"--gains has {len(values)} numbers; give three, KP,KI,KD")
-        return ad.simulate_pid(
-            arm,
-            q_start=start,
-            q_goal=goal,
-            gains=ad.PidGains(*values),
-            duration=self.duration,
-            form=self.form,  # type: ignore[arg-type]  # simulate_pid refuses unknown forms
-            arrival_rule=self.arrival_rule or usual,  # type: ignore[arg-type]  # the same
-        )
-
 
 def pid(task: ArmOptions, loop: PidLoopOptions, results: ResultOptions) -> Answer:
     """Simulate a PID loop between two poses.
@@ -72,9 +47,20 @@ def pid(task: ArmOptions, loop: PidLoopOptions, results: ResultOptions) -> Answe
     from armdyn.paper.printed.loop import PAPER_RULE
 
     arm, (start, goal), name = task.arm, task.ends("pid"), task.robot.robot
-    folder = results.folder("pid", name)
+    folder, gains = results.folder("pid", name), loop.gains or []
+    if len(gains) != 3:
+        raise ProblemError(f"--gains has {len(gains)} numbers; give three, KP,KI,KD")
+    rule = loop.arrival_rule or (PAPER_RULE if name in models.PLANAR_ARMS else ARRIVAL_RULES[0])
     with working(f"PID loop of {arm.name}") as progress:
-        run = loop.run(arm, start, goal, PAPER_RULE if name in models.PLANAR_ARMS else ARRIVAL_RULES[0])
+        run = ad.simulate_pid(
+            arm,
+            q_start=start,
+            q_goal=goal,
+            gains=ad.PidGains(*gains),
+            duration=loop.duration,
+            form=loop.form,  # type: ignore[arg-type]  # simulate_pid refuses unknown forms
+            arrival_rule=rule,  # type: ignore[arg-type]  # the same
+        )
         summary = pid_summary(run)
         carried = f", {1000 * arm.payload.mass:g} g" if arm.payload is not None else ""
         title = f"{arm.name}{carried}: PID loop"
