@@ -19,7 +19,7 @@ from armdyn.cli.options.groups import OUTPUT, SOLVER, TASK, argument, flag, grou
 from armdyn.cli.options.results import ResultOptions, Written
 from armdyn.errors import FileError, ProblemError
 from armdyn.files import csv_text, write_whole
-from armdyn.trajectory.formats import FORMATS
+from armdyn.trajectory.formats import FORMATS, OutputFormat
 from armdyn.trajectory.formats.streams import Stream
 
 if TYPE_CHECKING:
@@ -99,7 +99,8 @@ def cycle(
         return _write_example(Path(file or _EXAMPLE))
     if file is None:
         raise ProblemError("armdyn cycle takes a cycle file; armdyn cycle --example writes one")
-    return _solve(file, costs, require, search, _formats(format), results)
+    kinds = dict.fromkeys(FORMATS[one_of(name, tuple(FORMATS), "--format")] for name in format or ["csv"])
+    return _solve(file, costs, require, search, list(kinds), results)
 
 
 def _solve(
@@ -107,7 +108,7 @@ def _solve(
     costs: bool,
     most: float | None,
     search: CycleSearchOptions,
-    formats: Sequence[str],
+    formats: Sequence[type[OutputFormat]],
     results: ResultOptions,
 ) -> Answer:
     """Solve the cycle of a file, and write its files."""
@@ -120,7 +121,7 @@ def _solve(
     robot, options = read.cycle.robot, search.options({name: getattr(read.options, name) for name in OPTIONS})
     name = Path(file).stem
     folder = results.folder("cycle", name)
-    for kind in (FORMATS[each] for each in formats):
+    for kind in formats:
         if issubclass(kind, Stream):  # at once, not after the solve
             kind.check_joints(robot.nv)
     with working(f"cycle of {robot.name}") as progress, locating_steps(read.table):
@@ -152,10 +153,6 @@ def _write_example(path: Path) -> Answer:
     return done("written", {}, said, files=[write_whole(path, content)])
 
 
-def _formats(given: Sequence[str] | None) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(one_of(name, tuple(FORMATS), "--format") for name in given or ["csv"]))
-
-
 def _missing(solution: ad.CycleSolution, most: float | None) -> list[str]:
     """The requirement that is not met, with the reason."""
     if most is None or (solution.gap is not None and solution.gap <= most):
@@ -169,7 +166,7 @@ def _write(
     name: str,
     solution: ad.CycleSolution,
     summary: dict[str, Any],
-    formats: Sequence[str],
+    formats: Sequence[type[OutputFormat]],
     results: ResultOptions,
     progress: Any,
 ) -> Written:
@@ -184,8 +181,8 @@ def _write(
     motion, obstacles = replace(solution.trajectory, name=name), _obstacles(solution)
     written = results.write(folder, robot, {"trajectory": motion}, summary, title, obstacles, progress=progress)
     files = [write_whole(folder / _STEPS, csv_text([_COLUMNS, *map(_cells, summary["steps"])]).encode())]
-    suffixes = [FORMATS[each].suffix for each in formats]
-    for kind in (FORMATS[each] for each in formats):
+    suffixes = [kind.suffix for kind in formats]
+    for kind in formats:
         samples, _, _ = sampled(kind(), motion, None, usual_rate(kind))
         own = f"trajectory{'' if suffixes.count(kind.suffix) == 1 else f'-{kind.name}'}{kind.suffix}"
         files.append(write_whole(folder / own, kind().text(samples).encode()))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import armdyn as ad
@@ -69,11 +68,8 @@ class TuningOptions:
         Raises:
             ProblemError: something is out of range or unknown.
         """
-        index: Any = self.index
-        return ad.TuneOptions(
-            index=index, overshoot=self.overshoot, duration=self.duration, tolerance=self.tolerance,
-            members=self.members, generations=self.generations, time_limit=self.time_limit, seed=self.search_seed,
-        )  # fmt: skip
+        given: dict[str, Any] = {name: x for name, x in vars(self).items() if name not in ("search_seed", "held_out")}
+        return ad.TuneOptions(**given, seed=self.search_seed)
 
 
 def tune(
@@ -96,6 +92,8 @@ def tune(
     armdyn tune results/identify-panda/identified.toml --q-start ready --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5
     armdyn tune rrr --payload 0.1006 --ramp-range 0.2,0.6 --controller computed-torque[/]
     """
+    from armdyn.show.results import save_results
+
     model, (start, goal) = task.arm, task.ends()
     likely, options = task.likely, search.options()
     plants, half = arms.plants(model, likely), min(_CHOSEN_ON, (len(likely) + 1) // 2)
@@ -109,7 +107,8 @@ def tune(
             first.corners(model), others.arms(model, search.held_out), loop.joined(), options, progress,
         )  # fmt: skip
     summary = _summary(found)
-    files = _write(folder, model, found, summary)
+    motion = replace(found.reference, model_hash=model.model_hash).save(folder / "reference.npz")
+    files = save_results(folder, model, summary, [motion])
     words = {
         "status": found.message.partition(":")[0],
         "chosen": ", ".join(f"{name} {value:.5g}" for name, value in found.values.items()),
@@ -162,11 +161,3 @@ def _summary(found: ad.Tuned) -> dict[str, object]:
         "training": as_json(vars(found.training)),
         "held_out": found.held_out and as_json(vars(found.held_out)),
     }
-
-
-def _write(folder: Path, model: ad.Robot, found: ad.Tuned, summary: dict[str, object]) -> list[Path]:
-    """The reference and result.json."""
-    from armdyn.show.results import save_results
-
-    motion = replace(found.reference, model_hash=model.model_hash).save(folder / "reference.npz")
-    return save_results(folder, model, summary, [motion])
