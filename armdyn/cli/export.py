@@ -7,6 +7,7 @@ from inspect import signature
 from pathlib import Path
 
 import armdyn as ad
+from armdyn import models
 from armdyn.arguments import one_of, shown
 from armdyn.cli.console import NOT_USABLE, Answer, done, escape
 from armdyn.cli.invocation import flag_of
@@ -55,11 +56,9 @@ class RowOptions:
         Raises:
             ArmdynError: it is no file of armdyn's, or there is no piece of that number.
         """
-        from armdyn.trajectory import Trajectory
-
         if file.suffix.lower() != ".npz":
             raise ProblemError(f"{file} is no .npz file; armdyn export takes the trajectory.npz that armdyn wrote")
-        motion = Trajectory.load(file)
+        motion = ad.Trajectory.load(file)
         count = len(motion.own_pieces)
         if self.piece is not None and not 1 <= self.piece <= count:
             raise ProblemError(f"--piece is {self.piece}; the motion has {count} piece{'s' if count > 1 else ''}")
@@ -155,10 +154,8 @@ class ModelOptions:
         Raises:
             ArmdynError: the arm cannot be read, or another one moved.
         """
-        from armdyn.models import mujoco_model, robots_of
-
-        arm = robots_of(_arm(file, self.robot, self.part), motion)[0]
-        return mujoco_model(arm, samples, geometry=self.geometry, motors=motors, feedback=self.feedback)
+        arm = models.robots_of(_arm(file, self.robot, self.part), motion)[0]
+        return ad.mujoco_model(arm, samples, geometry=self.geometry, motors=motors, feedback=self.feedback)
 
 
 def export(

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from armdyn import models
 from armdyn.cli.console import NOT_USABLE, Answer, Shown, done, escape, table
 from armdyn.cli.options.robot import PartOptions
 from armdyn.errors import ProblemError
 from armdyn.files import attributes, probe_folder, write_whole
-
-if TYPE_CHECKING:
-    from armdyn.models import InertiaRepair, UrdfRepair
 
 
 def repaired(robot: str | None, part: PartOptions, out: Path | None) -> Answer:
@@ -21,15 +18,13 @@ def repaired(robot: str | None, part: PartOptions, out: Path | None) -> Answer:
     Raises:
         ArmdynError: the robot has no URDF, or the file cannot be written.
     """
-    from armdyn.models import repair_urdf
-
     file = _urdf_of(robot)
     target = None
     if out is not None:
         target = probe_folder(out.parent, out.name) / out.name
         if target.exists() and target.samefile(file):
             raise ProblemError(f"--out is {out}, the URDF itself, which is never overwritten; name another file")
-    found = repair_urdf(file, package_dirs=tuple(part.package_dir or ()))
+    found = models.repair_urdf(file, package_dirs=tuple(part.package_dir or ()))
     written = []
     if target is not None and found.inertias:
         written = [write_whole(target, found.text.encode())]
@@ -64,7 +59,7 @@ def _urdf_of(robot: str | None) -> Path:
     return file
 
 
-def _facts(found: UrdfRepair) -> dict[str, object]:
+def _facts(found: models.UrdfRepair) -> dict[str, object]:
     """The repair as JSON."""
     own = ("link", "fault", "mass", "change", "before", "after", "moments_before", "moments_after")
     return {
@@ -74,7 +69,7 @@ def _facts(found: UrdfRepair) -> dict[str, object]:
     }
 
 
-def _table(repairs: tuple[InertiaRepair, ...]) -> Shown:
+def _table(repairs: tuple[models.InertiaRepair, ...]) -> Shown:
     """Principal moments of the changed inertias, before and after."""
     rows = []
     for one in repairs:
@@ -85,7 +80,7 @@ def _table(repairs: tuple[InertiaRepair, ...]) -> Shown:
     return table("nearest physical inertias (masses and centres of mass stay)", heads, rows)
 
 
-def _proposals(found: UrdfRepair) -> list[str]:
+def _proposals(found: models.UrdfRepair) -> list[str]:
     """Lines about all faults but inertias, with the options that repair them."""
     from armdyn.models.reading.meshes import mesh_folders
 

@@ -112,10 +112,8 @@ def _solve(
     results: ResultOptions,
 ) -> Answer:
     """Solve the cycle of a file, and write its files."""
-    from armdyn.cycle import cycle_costs, solve_cycle
     from armdyn.cycle.cycle_files import OPTIONS, locating_steps, read_cycle_file
     from armdyn.cycle.summary import cycle_summary
-    from armdyn.optimal.problem.status import Status
 
     read = read_cycle_file(file)
     robot, options = read.cycle.robot, search.options({name: getattr(read.options, name) for name in OPTIONS})
@@ -125,9 +123,9 @@ def _solve(
         if issubclass(kind, Stream):  # at once, not after the solve
             kind.check_joints(robot.nv)
     with working(f"cycle of {robot.name}") as progress, locating_steps(read.table):
-        solution = solve_cycle(read.cycle, options, progress)
-        stopped = solution.status is Status.INTERRUPTED
-        found = cycle_costs(solution, None, progress) if costs and solution.usable and not stopped else ()
+        solution = ad.solve_cycle(read.cycle, options, progress)
+        stopped = solution.status is ad.Status.INTERRUPTED
+        found = ad.cycle_costs(solution, None, progress) if costs and solution.usable and not stopped else ()
         summary = cut_short(cycle_summary(solution, read.cycle, found))
         written = _write(folder, name, solution, summary, formats, results, progress)
     missing = _missing(solution, most)

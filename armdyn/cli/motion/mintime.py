@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import armdyn as ad
 from armdyn.cli.console import Answer, cut_short, facts_table, judged, working
@@ -20,9 +20,6 @@ from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.task import ProblemOptions
 from armdyn.errors import ProblemError
 from armdyn.optimal.task.search_level import SearchLevel
-
-if TYPE_CHECKING:
-    from armdyn.studies.reserve import ReserveCurve, Settling
 
 _WATCHED = 1.0
 """Simulated time of likely arms [s], or after a longer motion: they are many, and near to the model."""
@@ -88,7 +85,7 @@ class SearchOptions(CurveOptions):
         options: ad.MinimumTimeOptions,
         likely: Callable[[], Sequence[ad.Robot]],
         progress: Callable[[str], None],
-    ) -> tuple[ad.Solution, ReserveCurve | None]:
+    ) -> tuple[ad.Solution, ad.ReserveCurve | None]:
         """The solution, and the reserve curve if the reserve was to be chosen.
 
         Args:
@@ -105,11 +102,11 @@ class SearchOptions(CurveOptions):
             return ad.solve_minimum_time(problem, options, progress), None
         if any(problem.reserves.effort):
             raise ProblemError("--for-tracking chooses the reserve: leave out --reserve")
-        from armdyn.studies.reserve import FINE_RESERVES, reserve_curve
+        from armdyn.studies.reserve import FINE_RESERVES
 
         arms = likely()
         own: Any = {"plants": arms, "reserves": FINE_RESERVES, "duration": _WATCHED} if arms else {}
-        curve = reserve_curve(problem, options=options, progress=progress, **own)
+        curve = ad.reserve_curve(problem, options=options, progress=progress, **own)
         if curve.best is None:
             if curve.interrupted:
                 raise KeyboardInterrupt
@@ -236,7 +233,7 @@ def _by_controller(
     return found.ok, {"controller": found.facts() | {"costs": [asdict(cost) for cost in priced]}}, words
 
 
-def _by_reserve(curve: ReserveCurve | None) -> tuple[dict[str, object], dict[str, str]]:
+def _by_reserve(curve: ad.ReserveCurve | None) -> tuple[dict[str, object], dict[str, str]]:
     """A reserve curve as JSON, and the chosen reserve and the settled times of each in words; nothing without one."""
     if curve is None:
         return {}, {}
@@ -245,14 +242,17 @@ def _by_reserve(curve: ReserveCurve | None) -> tuple[dict[str, object], dict[str
         return {"for_tracking": {"best": None, "rows": rows}}, {"for tracking": "no reserve has a usable motion"}
     count = len(curve.plants)
     lines = ["      motion    mean   worst  settled [s]"]
-    lines += [f"{row.reserve:<5g} {row.duration:.4f}  {_settling_text(row)}" for row in curve.rows]
+    for row in curve.rows:
+        times = f"{row.mean:6.3f}  {row.worst:6.3f}"
+        settled = times if math.isfinite(row.worst) else f"{row.count} of {len(row.settled)} settle"
+        lines.append(f"{row.reserve:<5g} {row.duration:.4f}  {settled}")
     last = f"the last of {count} arms settles after {best.worst:.3f} s"
     text = f"reserve {best.reserve:g}: {last if best.count == count else f'{best.count} of {count} arms settle'}"
     words = {"for tracking": text, "by reserve": "\n".join(lines)}
     return {"for_tracking": {"best": best.facts(), "rows": rows}}, words
 
 
-def _write_reserves(curve: ReserveCurve | None, folder: Path, title: str) -> list[Path]:
+def _write_reserves(curve: ad.ReserveCurve | None, folder: Path, title: str) -> list[Path]:
     """The curve's figure, reserve.png; none without a row."""
     if curve is None or not curve.rows:
         return []
@@ -260,9 +260,3 @@ def _write_reserves(curve: ReserveCurve | None, folder: Path, title: str) -> lis
     from armdyn.show.plots import save_figure
 
     return [save_figure(plot_reserves([row.facts() for row in curve.rows], title), folder / "reserve.png")]
-
-
-def _settling_text(row: Settling) -> str:
-    if math.isfinite(row.worst):
-        return f"{row.mean:6.3f}  {row.worst:6.3f}"
-    return f"{row.count} of {len(row.settled)} settle"

@@ -20,10 +20,9 @@ def solution_words(solution: ad.Solution, wrap: bool) -> dict[str, str]:
 def title_words(solution: ad.Solution) -> str:
     """A solution as a figure's title shows it."""
     from armdyn.optimal.answer.words import verdict
-    from armdyn.optimal.problem.status import Status
 
     if solution.success:
-        found = "best so far" if solution.status is Status.TIME_LIMIT else "minimum time"
+        found = "best so far" if solution.status is ad.Status.TIME_LIMIT else "minimum time"
         return f"{found} {solution.duration:.4f} s, {verdict(solution)}"
     status = str(solution.status).replace("_", " ")
     return f"{status}, best so far {solution.duration:.4f} s" if solution.moves else f"{status}, no motion to the goal"

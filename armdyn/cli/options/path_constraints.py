@@ -77,9 +77,7 @@ class SceneOptions:
         Raises:
             ProblemError: a text does not fit its option.
         """
-        from armdyn.models.scene.scenes import load_scene
-
-        scenes = [load_scene(file, robot) for file in self.scene or ()]
+        scenes = [ad.load_scene(file, robot) for file in self.scene or ()]
         allowed = (pair for scene in scenes for pair in scene.allowed_contacts)
         return {
             "obstacles": (*obstacles_of(self.obstacle or ()), *(one for scene in scenes for one in scene.obstacles)),

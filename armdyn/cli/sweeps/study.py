@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+import armdyn as ad
 from armdyn.cli.console import Answer, facts_table, judged, progress_bar
 from armdyn.cli.options.groups import flag, group, option
 from armdyn.cli.options.results import NO_FIGURE, OutputOptions
@@ -49,9 +50,7 @@ class StudyOptions:
             return partial(local_executor, workers=self.workers)
         if self.workers is not None:
             raise ProblemError("--workers are processes of this machine; a --scheduler has its own")
-        from armdyn.studies.dask_cluster import dask_executor
-
-        return dask_executor(self.scheduler)
+        return ad.dask_executor(self.scheduler)
 
 
 @group()
@@ -73,18 +72,16 @@ def run_file(path: str, options: StudyOptions, results: SweepResults) -> Answer:
     Raises:
         ArmdynError: it is no study, or cannot be done.
     """
-    from armdyn.studies.reading import read_study
     from armdyn.studies.rows import read_rows
-    from armdyn.studies.run import run_study
     from armdyn.studies.tables import flat, write_csv, write_parquet
 
-    study, executor = read_study(path), options.executor()
+    study, executor = ad.read_study(path), options.executor()
     figures = [] if results.no_figure else [f"{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")]
     names = ["rows.csv", *(["rows.parquet"] if options.parquet else []), *figures]
     folder = results.output.folder("sweep", path, [ROWS, *names])
     folder.mkdir(parents=True, exist_ok=True)
     with progress_bar(Path(path).name, len(study)) as bar:
-        run = run_study(
+        run = ad.run_study(
             study,
             folder / ROWS,
             executor,
