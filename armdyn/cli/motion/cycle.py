@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from importlib.resources import files as package_files
 from pathlib import Path
@@ -50,31 +49,44 @@ def _largest_gap(text: str, option: str) -> float:
     return largest_gap(text)
 
 
-def cycle(
-    *,
-    file: str | None = argument("FILE.toml", "The cycle. With --example: the file to write.", default=None),
+@group()
+class CycleOptions:
+    """The cycle, the requirement on it, and its files."""
+
+    file: str | None = argument("FILE.toml", "The cycle. With --example: the file to write.", default=None)
     example: bool = flag(
         f"Write a commented cycle file that runs, {_EXAMPLE} if no other name is given, and solve nothing.",
         rich_help_panel=TASK,
-    ),
+    )
     require: Annotated[float | None, _largest_gap] = option(
         "gap:X",
         "Proven to be at most X above the least time, such as gap:1%, else exit code 4.",
         rich_help_panel=TASK,
-    ),
+    )
     costs: bool = flag(
         "Solve again without each way point, straight segment, speed limit and stop, and report its cost.",
         rich_help_panel=SOLVER,
-    ),
-    search: CycleSearchOptions,
-    format: list[str] | None = option(  # noqa: A002  # the option's name
+    )
+    search: CycleSearchOptions
+    format: list[str] | None = option(  # the option's name
         KINDS,
         "Format of the motion for a controller or a simulator, as of armdyn export; may be given again. By default "
         "csv.",
         rich_help_panel=OUTPUT,
-    ),
-    results: ResultOptions,
-) -> Answer:
+    )
+    results: ResultOptions
+
+    def kinds(self) -> list[type[OutputFormat]]:
+        """Formats of the motion, each once.
+
+        Raises:
+            ProblemError: one is unknown.
+        """
+        names = self.format or ["csv"]
+        return list(dict.fromkeys(FORMATS[one_of(name, tuple(FORMATS), "--format")] for name in names))
+
+
+def cycle(options: CycleOptions) -> Answer:
     """Fastest cycle of a robot: moves, grasps, releases and waits in order, from a file.
 
     Each move takes the arm with its payload from rest to rest, past its way points and along its straight
@@ -95,40 +107,32 @@ def cycle(
     armdyn cycle cell.toml --costs --require gap:3%
     armdyn cycle cell.toml --format panda-python --format ros2 --out results/cell[/]
     """
-    if example:
-        return _write_example(Path(file or _EXAMPLE))
-    if file is None:
+    if options.example:
+        return _write_example(Path(options.file or _EXAMPLE))
+    if options.file is None:
         raise ProblemError("armdyn cycle takes a cycle file; armdyn cycle --example writes one")
-    kinds = dict.fromkeys(FORMATS[one_of(name, tuple(FORMATS), "--format")] for name in format or ["csv"])
-    return _solve(file, costs, require, search, list(kinds), results)
+    return _solve(options.file, options)
 
 
-def _solve(
-    file: str,
-    costs: bool,
-    most: float | None,
-    search: CycleSearchOptions,
-    formats: Sequence[type[OutputFormat]],
-    results: ResultOptions,
-) -> Answer:
+def _solve(file: str, chosen: CycleOptions) -> Answer:
     """Solve the cycle of a file, and write its files."""
     from armdyn.cycle.cycle_files import OPTIONS, locating_steps, read_cycle_file
     from armdyn.cycle.summary import cycle_summary
 
-    read = read_cycle_file(file)
-    robot, options = read.cycle.robot, search.options({name: getattr(read.options, name) for name in OPTIONS})
+    formats, read = chosen.kinds(), read_cycle_file(file)
+    robot, options = read.cycle.robot, chosen.search.options({name: getattr(read.options, name) for name in OPTIONS})
     name = Path(file).stem
-    folder = results.folder("cycle", name)
+    folder = chosen.results.folder("cycle", name)
     for kind in formats:
         if issubclass(kind, Stream):  # at once, not after the solve
             kind.check_joints(robot.nv)
     with working(f"cycle of {robot.name}") as progress, locating_steps(read.table):
         solution = ad.solve_cycle(read.cycle, options, progress)
-        stopped = solution.status is ad.Status.INTERRUPTED
-        found = ad.cycle_costs(solution, None, progress) if costs and solution.usable and not stopped else ()
+        priced = chosen.costs and solution.usable and solution.status is not ad.Status.INTERRUPTED
+        found = ad.cycle_costs(solution, None, progress) if priced else ()
         summary = cut_short(cycle_summary(solution, read.cycle, found))
-        written = _write(folder, name, solution, summary, formats, results, progress)
-    missing = _missing(solution, most)
+        written = _write(folder, name, solution, summary, chosen, progress)
+    missing = _missing(solution, chosen.require)
     words = facts_table("", _words(solution, summary) | missing_words(missing) | written.words)
     heads = [f">{head}" if head in _NUMBERS else head for head in _COLUMNS]
     steps = table(f"{name}: cycle of {robot.name}", heads, map(_cells, summary["steps"]))
@@ -164,8 +168,7 @@ def _write(
     name: str,
     solution: ad.CycleSolution,
     summary: dict[str, Any],
-    formats: Sequence[type[OutputFormat]],
-    results: ResultOptions,
+    options: CycleOptions,
     progress: Any,
 ) -> Written:
     """The files of a cycle, of its solved moves."""
@@ -176,8 +179,9 @@ def _write(
         from armdyn.show.results import save_results
 
         return Written(files=save_results(folder, robot, {"title": title, **summary, **invocation()}, []), seconds=0.0)
-    motion, obstacles = replace(solution.trajectory, name=name), _obstacles(solution)
-    written = results.write(folder, robot, {"trajectory": motion}, summary, title, obstacles, progress=progress)
+    motion, obstacles, formats = replace(solution.trajectory, name=name), _obstacles(solution), options.kinds()
+    motions = {"trajectory": motion}
+    written = options.results.write(folder, robot, motions, summary, title, obstacles, progress=progress)
     files = [write_whole(folder / _STEPS, csv_text([_COLUMNS, *map(_cells, summary["steps"])]).encode())]
     suffixes = [kind.suffix for kind in formats]
     for kind in formats:
