@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from functools import partial
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,6 @@ _STEP = 1e-3
 _PHONE = 600
 """A browser less wide has the widgets at its bottom [pixels]."""
 _NONE = "none"
-_SIZE_NAMES = {"Box": ("size x", "size y", "size z"), "Sphere": ("radius",), "Cylinder": ("length", "radius")}
 
 
 def serve(session: Session, host: str, port: int, serving: Callable[[int], None]) -> None:
@@ -91,7 +91,9 @@ class Page:
         self.view = SceneView(server.scene, session)
         self._look()
         self._add_widgets()
-        self._watch_gizmos()
+        for end in END_NAMES:
+            self._watch_gizmo(end, self.view.gizmos[end], partial(self._drag_end, end))
+        self._watch_gizmo("mover", self.view.mover, self._drag_obstacle)
         self.tick(0.0)
 
     def run(self) -> None:
@@ -225,11 +227,6 @@ class Page:
             handle.value = value
             self._known[key] = handle.value
 
-    def _watch_gizmos(self) -> None:
-        for end in END_NAMES:
-            self._watch_gizmo(end, self.view.gizmos[end], partial(self._drag_end, end))
-        self._watch_gizmo("mover", self.view.mover, self._drag_obstacle)
-
     def _watch_gizmo(self, key: str, gizmo: Any, action: Callable[[], None]) -> None:
         async def dragged(event: Any) -> None:
             self._held[key] = 0.0 if event.phase == "end" else time.monotonic()
@@ -345,12 +342,12 @@ class Page:
         self._position.visible, self._remove.visible = at is not None, one is not None
         if at is not None:
             self._write(self._position, tuple(np.round(at.translation, 3).tolist()))
-        labels = _SIZE_NAMES[type(one).__name__] if sizes else ()
-        for k, handle in enumerate(self._sizes):
-            handle.visible = k < len(labels)
-            if sizes and k < len(labels):
-                handle.label = f"{labels[k]} [m]"
-                self._write(handle, float(sizes[k]))
+        labels = SIZES[type(one).__name__.lower()] if sizes else ()
+        for handle, label, size in zip_longest(self._sizes, labels, sizes or ()):
+            handle.visible = label is not None
+            if label is not None:
+                handle.label = f"{label} [m]"
+                self._write(handle, float(size))
 
     def _show_motion(self) -> None:
         solution = self._session.solution
@@ -359,7 +356,6 @@ class Page:
         motion = solution.trajectory if solution else None
         self.view.show_path(motion)
         if motion is None:
-            self.view.show_arm(np.array(self._session.state.start))
             return
         self._time = min(self._time, motion.duration)
         self._clock.max = float(motion.duration)

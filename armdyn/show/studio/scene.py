@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,39 +25,23 @@ _Y_UP = pin.SE3(pin.rpy.rpyToMatrix(-np.pi / 2, 0.0, 0.0), np.zeros(3)).homogene
 """trimesh has a cylinder's axis along z, three.js along y."""
 
 
-@dataclass(frozen=True)
-class JointMesh:
-    """Triangles that move with a joint.
-
-    Attributes:
-        joint: index in `robot.model.joints`; 0 is the world.
-        vertices: in the joint's frame [m], 32-bit floats of shape (n, 3).
-        faces: indices of vertices, 32-bit integers of shape (m, 3).
-        rgba: each 0..1.
-    """
-
-    joint: int
-    vertices: Any
-    faces: Any
-    rgba: Rgba
-
-
-def joint_meshes(shapes: Iterable[VisualShape]) -> list[JointMesh]:
-    """Meshes of shapes: those of one joint and one colour are one mesh."""
+def joint_meshes(shapes: Iterable[VisualShape]) -> list[VisualShape]:
+    """Shapes as triangles in the joint's frame: those of one joint and one colour are one."""
     groups: dict[tuple[int, Rgba], list[VisualShape]] = {}
     for shape in shapes:
         groups.setdefault((shape.joint, shape.rgba), []).append(shape)
-    return [_mesh(joint, rgba, group) for (joint, rgba), group in groups.items()]
+    return [VisualShape(joint, np.eye(4), _mesh(group), rgba) for (joint, rgba), group in groups.items()]
 
 
-def _mesh(joint: int, rgba: Rgba, group: list[VisualShape]) -> JointMesh:
+def _mesh(group: list[VisualShape]) -> Any:
+    """Meshcat's geometry of the triangles of some shapes."""
     vertices, faces, first = [], [], 0
     for shape in group:
         points, triangles = _triangles(shape.geometry)
         vertices.append(points @ shape.placement[:3, :3].T + shape.placement[:3, 3])
         faces.append(np.asarray(triangles) + first)
         first += len(points)
-    return JointMesh(joint, np.vstack(vertices).astype(np.float32), np.vstack(faces).astype(np.uint32), rgba)
+    return mg.TriangularMeshGeometry(np.vstack(vertices), np.vstack(faces))
 
 
 def _triangles(geometry: Any) -> tuple[Array, Any]:
@@ -98,7 +81,7 @@ class SceneView:
         robot = session.robot
         self.planar = is_planar(robot)
         self._frames = [scene.add_frame(f"/arm/joint{j}", show_axes=False) for j in range(1, robot.model.njoints)]
-        self._ghosts: list[tuple[JointMesh, Any]] = []
+        self._ghosts: list[tuple[VisualShape, Any]] = []
         for k, mesh in enumerate(joint_meshes(robot_shapes(carrying(robot, 0.0)))):
             self._add_mesh(f"{_parent(mesh)}/shape{k}", mesh)
             if mesh.joint:
@@ -200,16 +183,18 @@ class SceneView:
         if at is not None:
             _place(self.mover, at)
 
-    def _add_mesh(self, name: str, mesh: JointMesh) -> None:
+    def _add_mesh(self, name: str, mesh: VisualShape) -> None:
         r, g, b, a = mesh.rgba
         color, opacity = (round(255 * r), round(255 * g), round(255 * b)), a if a < 1 else None
         side: Any = "double" if opacity is None else "front"
-        self._scene.add_mesh_simple(name, mesh.vertices, mesh.faces, color=color, opacity=opacity, side=side)
+        self._scene.add_mesh_simple(
+            name, mesh.geometry.vertices, mesh.geometry.faces, color=color, opacity=opacity, side=side
+        )
 
-    def _add_ghosts(self, name: str, mesh: JointMesh) -> Any:
+    def _add_ghosts(self, name: str, mesh: VisualShape) -> Any:
         count = 2 + _GHOSTS
         return self._scene.add_batched_meshes_simple(
-            name, mesh.vertices, mesh.faces,
+            name, mesh.geometry.vertices, mesh.geometry.faces,
             batched_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)), batched_positions=np.zeros((count, 3)),
             batched_colors=np.tile(np.array(_PASSING, dtype=np.uint8), (count, 1)), batched_opacities=np.zeros(count),
             opacity=1.0, lod="off", cast_shadow=False, receive_shadow=False,
@@ -223,7 +208,7 @@ class SceneView:
         )
 
 
-def _parent(mesh: JointMesh) -> str:
+def _parent(mesh: VisualShape) -> str:
     return f"/arm/joint{mesh.joint}" if mesh.joint else "/arm"
 
 

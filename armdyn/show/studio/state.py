@@ -26,8 +26,12 @@ MOST_PAYLOAD = 1e4
 """Largest payload that is taken [kg]."""
 MOST_OBSTACLES = 100
 """That a saved state may have: a scene of more is a file's."""
-SIZES = {"box": (0.15, 0.15, 0.3), "sphere": (0.1,), "cylinder": (0.3, 0.08)}
-"""Shapes that the page adds and resizes, with their first sizes [m]: edges, radius, length and radius."""
+SIZES = {
+    "box": {"size x": 0.15, "size y": 0.15, "size z": 0.3},
+    "sphere": {"radius": 0.1},
+    "cylinder": {"length": 0.3, "radius": 0.08},
+}
+"""Shapes that the page adds and resizes, with the names of their sizes and their first sizes [m]."""
 _UNBOUNDED = 2 * np.pi
 """A slider of a joint without position limits goes so far either way [rad or m]."""
 
@@ -232,4 +236,4 @@ def new_obstacle(kind: str, at: Array, others: Sequence[Obstacle]) -> Obstacle:
     """An obstacle of a kind of `SIZES` around a point [m], shape (3,), with a name that no other has."""
     taken = {one.name for one in others}
     name = next(name for k in count(1) if (name := f"{kind} {k}") not in taken)
-    return primitive(kind, np.array(SIZES[kind]), pin.SE3(np.eye(3), np.asarray(at)).homogeneous, name)
+    return primitive(kind, np.array(list(SIZES[kind].values())), pin.SE3(np.eye(3), np.asarray(at)).homogeneous, name)

@@ -87,8 +87,8 @@ def test_a_new_obstacle_has_a_name_of_its_own_and_other_sizes_when_resized(kind)
     first = new_obstacle(kind, np.array([1.0, 2.0, 3.0]), ())
     second = new_obstacle(kind, np.array([1.0, 2.0, 3.0]), (first,))
     assert first.name != second.name
-    assert sizes_of(first) == pytest.approx(SIZES[kind])
-    wanted = [2 * size for size in SIZES[kind]]
+    assert sizes_of(first) == pytest.approx(tuple(SIZES[kind].values()))
+    wanted = [2 * size for size in SIZES[kind].values()]
     assert sizes_of(resized(first, wanted)) == pytest.approx(wanted)
     np.testing.assert_allclose(placement_of(resized(first, wanted)).translation, [1, 2, 3])
     with pytest.raises(ProblemError):
