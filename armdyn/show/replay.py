@@ -13,8 +13,8 @@ from armdyn.errors import ContactError
 from armdyn.models import Robot
 from armdyn.models.scene.obstacles import Obstacle
 from armdyn.show.page.facts import Facts
-from armdyn.show.page.motions import ShownMotion
-from armdyn.show.page.report import Replay, Report, Subject, report_of, write_page
+from armdyn.show.page.motions import ShownMotion, Subject
+from armdyn.show.page.report import Replay, Report, report_of, write_page
 from armdyn.show.page.sections import verdict_section
 from armdyn.show.page.verdict import Verdict
 from armdyn.trajectory import Trajectory

@@ -99,8 +99,8 @@ def write_report(
         FileError: the folder cannot be written.
     """
     from armdyn.show.page.facts import Facts
-    from armdyn.show.page.motions import ShownMotion
-    from armdyn.show.page.report import Subject, report_of, write_page
+    from armdyn.show.page.motions import ShownMotion, Subject
+    from armdyn.show.page.report import report_of, write_page
 
     moves = [ShownMotion(motion.name or name, motion, Facts()) for name, motion in motions.items()]
     moves[0] = replace(moves[0], facts=Facts({**result_head(robot), **summary}))

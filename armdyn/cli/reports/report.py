@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from armdyn.show.page.joints import Compared
-    from armdyn.show.page.motions import ShownMotion
-    from armdyn.show.page.report import Subject
+    from armdyn.show.page.motions import ShownMotion, Subject
 
 
 def _end(text: str, option: str) -> float:

@@ -26,8 +26,7 @@ from armdyn.models.robots.loads import is_motion_of
 from armdyn.models.scene.obstacles import SHAPES, obstacle_from, payload_from, tool_from
 from armdyn.models.values.actuator_limits import TorqueSpeed
 from armdyn.show.page.facts import Facts, as_number
-from armdyn.show.page.motions import ShownMotion
-from armdyn.show.page.report import Subject
+from armdyn.show.page.motions import ShownMotion, Subject
 
 if TYPE_CHECKING:
     from armdyn.models.scene.obstacles import Obstacle

@@ -10,7 +10,7 @@ from armdyn.arrays import Array
 from armdyn.models.values.actuator_limits import TorqueSpeed
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.markup import Html, element, join
-from armdyn.show.page.motions import ShownMotion
+from armdyn.show.page.motions import ShownMotion, Subject
 from armdyn.show.page.sections import Section, stacked, td
 from armdyn.show.page.verdict import Tile, seconds, verdict_of
 from armdyn.trajectory import Trajectory
@@ -35,15 +35,16 @@ def mechanical_work(motion: Trajectory) -> float:
     return float(np.trapezoid(np.abs(v * tau).sum(axis=1), t))
 
 
-def joint_section(move: ShownMotion, joints: Sequence[str], limits: JointLimits, sliding: Sequence[bool]) -> Section:
+def joint_section(move: ShownMotion, subject: Subject) -> Section:
     """Peak velocity and torque of each joint, compared with its limits."""
+    limits = subject.limits
     _, q, v, tau = dense(move.motion)
     switching = [len(times) for times in move.motion.switch_times]
     lower, upper = (np.broadcast_to(end, tau.shape) for end in limits.actuators.range(q, v))
     heads = ("joint", "from", "to", "peak speed", "of its limit", "peak torque", "of its limit", "jumps")
     rows = []
-    for j, name in enumerate(joints):
-        turn, force = ("m", "N") if sliding[j] else ("rad", "N m")
+    for j, name in enumerate(subject.joints):
+        turn, force = ("m", "N") if subject.sliding[j] else ("rad", "N m")
         speed = most_used(v[:, j], -limits.velocity[j], limits.velocity[j])
         torque = most_used(tau[:, j], lower[:, j], upper[:, j])
         ends = [f"{x:z.4f} {turn}" for x in (q[0, j], q[-1, j])]
@@ -175,11 +176,9 @@ _POINTS = 600
 """Approximate number of drawn points of a motion."""
 
 
-def motor_section(
-    move: ShownMotion, joints: Sequence[str], limits: JointLimits, sliding: Sequence[bool]
-) -> Section | None:
+def motor_section(move: ShownMotion, subject: Subject) -> Section | None:
     """Torque over speed of every joint that has a torque-speed curve, inside its limits; None: no joint has one."""
-    motors, motion = limits.actuators, move.motion
+    motors, motion, joints = subject.limits.actuators, move.motion, subject.joints
     if not isinstance(motors, TorqueSpeed):
         return None
     last = [np.asarray(motors.curves[name])[-1, 0] if name in motors.curves else 0.0 for name in joints]
@@ -189,9 +188,9 @@ def motor_section(
     every = max(len(motion.t) // _POINTS, 1)
     pictures = []
     for j, name in enumerate(joints):
-        if name not in motors.curves or limits.passive[j]:
+        if name not in motors.curves or subject.limits.passive[j]:
             continue
-        unit = ("m/s", "N") if sliding[j] else ("rad/s", "N m")
+        unit = ("m/s", "N") if subject.sliding[j] else ("rad/s", "N m")
         size = np.array([fastest[j], np.max(np.abs([lower[:, j], upper[:, j]]))])
         edge = np.concatenate([np.stack([v[:, j], upper[:, j]], 1), np.stack([v[::-1, j], lower[::-1, j]], 1)])
         way = np.stack([motion.v[::every, j], motion.tau[::every, j]], 1)

@@ -1,5 +1,7 @@
 """Curves of the report's plots: positions, velocities and torques over time."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -9,6 +11,8 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.files import as_json
+from armdyn.models.robots.robot import Robot
+from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.scene import packed
@@ -47,6 +51,35 @@ class ShownMotion:
     facts: Facts
 
 
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """The arm of a report; its model may be missing.
+
+    Attributes:
+        name: of the robot.
+        joints: their names.
+        limits: of the joints.
+        sliding: which slide instead of turning.
+        robot: drawn in three dimensions; None: it is not at hand.
+        obstacles: drawn where they stand.
+        touching: names of links, tool, payload and obstacles that are drawn in red.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    limits: JointLimits
+    sliding: tuple[bool, ...]
+    robot: Robot | None = None
+    obstacles: tuple[Obstacle, ...] = ()
+    touching: frozenset[str] = frozenset()
+
+    @classmethod
+    def of(cls, robot: Robot, obstacles: Sequence[Obstacle] = ()) -> Subject:
+        """Describe a robot for a report."""
+        sliding = tuple(robot.slides.tolist())
+        return cls(robot.name, tuple(robot.joint_names), robot.limits, sliding, robot, tuple(obstacles))
+
+
 def until(motion: Trajectory, end: float | None) -> Trajectory:
     """A motion up to a time [s] from its start; None: all of it."""
     if end is None or end >= motion.duration:
@@ -54,14 +87,14 @@ def until(motion: Trajectory, end: float | None) -> Trajectory:
     return motion.slice(end=float(motion.t[0]) + end)
 
 
-def motions_data(moves: Sequence[ShownMotion], limits: JointLimits, sliding: Sequence[bool]) -> dict[str, Any]:
+def motions_data(moves: Sequence[ShownMotion], subject: Subject) -> dict[str, Any]:
     """All curves at common times from 0 on, with limits, each joint's active limit, and switching instants.
 
     Args:
         moves: one or more, of the same joints.
-        limits: of these.
-        sliding: which of them slide instead of turning.
+        subject: the arm.
     """
+    limits, sliding = subject.limits, subject.sliding
     times = np.unique(np.concatenate([_times(move.motion) for move in moves]))
     return {
         "t": packed(times, "<f8"),

@@ -18,49 +18,17 @@ import numpy as np
 
 from armdyn.errors import TrajectoryError
 from armdyn.files import write_whole
-from armdyn.models.robots.robot import Robot
-from armdyn.models.scene.obstacles import Obstacle
-from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.markup import Html, asset, element, fill, join, packed_text, script, script_json, viewer_script
 from armdyn.show.page import joints, sections
 from armdyn.show.page.cycle import costs_section, parts_in, step_data, steps_section
 from armdyn.show.page.joints import motor_section
-from armdyn.show.page.motions import ShownMotion, motions_data, until
+from armdyn.show.page.motions import ShownMotion, Subject, motions_data, until
 from armdyn.show.page.scene import mark_of, playing_speed, scene_data, short_names
 from armdyn.show.page.sections import Section
 from armdyn.show.page.verdict import Tile, Verdict, tiles_of, verdict_of
 
 MOST_MOVES = 5
 """Motions in one report: one colour each."""
-
-
-@dataclass(frozen=True, eq=False)
-class Subject:
-    """The arm of a report; its model may be missing.
-
-    Attributes:
-        name: of the robot.
-        joints: their names.
-        limits: of the joints.
-        sliding: which slide instead of turning.
-        robot: drawn in three dimensions; None: it is not at hand.
-        obstacles: drawn where they stand.
-        touching: names of links, tool, payload and obstacles that are drawn in red.
-    """
-
-    name: str
-    joints: tuple[str, ...]
-    limits: JointLimits
-    sliding: tuple[bool, ...]
-    robot: Robot | None = None
-    obstacles: tuple[Obstacle, ...] = ()
-    touching: frozenset[str] = frozenset()
-
-    @classmethod
-    def of(cls, robot: Robot, obstacles: Sequence[Obstacle] = ()) -> Subject:
-        """Describe a robot for a report."""
-        sliding = tuple(robot.slides.tolist())
-        return cls(robot.name, tuple(robot.joint_names), robot.limits, sliding, robot, tuple(obstacles))
 
 
 @dataclass(frozen=True)
@@ -172,8 +140,8 @@ def _sections(
         sections.optima_section(facts, duration),
         sections.path_constraint_section(facts),
         sections.controller_section(facts),
-        joints.joint_section(moves[0], subject.joints, subject.limits, subject.sliding),
-        motor_section(moves[0], subject.joints, subject.limits, subject.sliding),
+        joints.joint_section(moves[0], subject),
+        motor_section(moves[0], subject),
         sections.model_section(subject.name, facts),
         sections.making_section(facts),
         *(sections.making_section(move.facts, f"-{k}", move.name) for k, move in others),
@@ -208,7 +176,7 @@ def _data(subject: Subject, moves: Sequence[ShownMotion], end: float | None, rep
         "speed": speed,
         "seen": seen,
         "steps": step_data(shown[0].motion),
-        "motions": motions_data(shown, subject.limits, subject.sliding),
+        "motions": motions_data(shown, subject),
         "scene": packed,
     }
 

@@ -8,7 +8,7 @@ import pytest
 
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.page.facts import Facts
-from armdyn.show.page.motions import ShownMotion, arc_lanes, motions_data, sampled_lanes
+from armdyn.show.page.motions import ShownMotion, Subject, arc_lanes, motions_data, sampled_lanes
 from armdyn.trajectory.value import Sample
 from show.motions import HANGING, RAISED, quintic
 from show.page.runs import FACTS, LIMIT, bang_bang, judged
@@ -19,7 +19,7 @@ def floats(text, kind):
 
 
 def data_of(*moves, robot):
-    return motions_data(moves, robot.limits, [False] * robot.nv)
+    return motions_data(moves, Subject.of(robot))
 
 
 def test_jumps_stay_jumps_and_ended_motions_are_not_drawn():
@@ -75,7 +75,7 @@ def test_the_reserve_is_no_limit():
     robot, motion = bang_bang()
     limits = replace(robot.limits, effort_lower=[-LIMIT / 0.9] * 2, effort_upper=[LIMIT / 0.9] * 2)
     facts = Facts({"reserve": {"effort": [0.1, 0.1], "velocity": [0.0, 0.0]}})
-    data = motions_data([ShownMotion("kept", motion, facts)], limits, [False] * 2)
+    data = data_of(ShownMotion("kept", motion, facts), robot=replace(robot, limits=limits))
     assert data["kept"]["tau"] == [0.1, 0.1]
     assert [code for _, _, code in data["moves"][0]["lanes"][0]] == ["T+", "T-"]
 

@@ -6,8 +6,8 @@ import pytest
 import armdyn as ad
 from armdyn.show.page.cycle import CarriedPart, parts_in, shown_parts, step_data, steps_section
 from armdyn.show.page.facts import Facts
-from armdyn.show.page.motions import ShownMotion
-from armdyn.show.page.report import Subject, report_html, report_of
+from armdyn.show.page.motions import ShownMotion, Subject
+from armdyn.show.page.report import report_html, report_of
 from armdyn.trajectory import Load
 from problems import paper_arm
 from show.browser import open_page

@@ -3,7 +3,8 @@
 import pytest
 
 from armdyn.show.page.facts import Facts
-from armdyn.show.page.report import Subject, report_html, report_of
+from armdyn.show.page.motions import Subject
+from armdyn.show.page.report import report_html, report_of
 from show.page.runs import FACTS, judged
 
 ODD = [None, True, -1, 1e308, 10**400, "text", [], [None, "x", 3, [], {}], {}, {"a": {}}]

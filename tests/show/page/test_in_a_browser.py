@@ -9,8 +9,8 @@ import pytest
 import armdyn as ad
 from armdyn.models.scene.obstacles import Box, Capsule
 from armdyn.show.page.facts import Facts
-from armdyn.show.page.motions import ShownMotion
-from armdyn.show.page.report import Subject, report_html, report_of
+from armdyn.show.page.motions import ShownMotion, Subject
+from armdyn.show.page.report import report_html, report_of
 from oracles import robot_named
 from show.browser import left_the_page, open_page, screenshot, seek, wait_until
 from show.motions import HANGING, RAISED, quintic

@@ -4,8 +4,8 @@ import pytest
 
 import armdyn as ad
 from armdyn.show.page.facts import Facts
-from armdyn.show.page.motions import ShownMotion
-from armdyn.show.page.report import Subject, report_html, report_of
+from armdyn.show.page.motions import ShownMotion, Subject
+from armdyn.show.page.report import report_html, report_of
 from show.browser import open_page, settle
 from show.page.runs import FACTS
 

@@ -13,8 +13,8 @@ import armdyn as ad
 from armdyn.errors import TrajectoryError
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.joints import compared
-from armdyn.show.page.motions import ShownMotion
-from armdyn.show.page.report import Report, Subject, report_html, report_of
+from armdyn.show.page.motions import ShownMotion, Subject
+from armdyn.show.page.report import Report, report_html, report_of
 from armdyn.show.page.sections import td
 from armdyn.show.page.verdict import tiles_of, verdict_of
 from show.motions import quintic
