@@ -25,8 +25,7 @@ from armdyn.show.figures.style import COLORS, INK, LOOK, literal
 from armdyn.show.markup import Html, element, inline_svg, join
 from armdyn.show.page.scene import joint_poses
 from armdyn.show.plots import plot_trajectories, svg_text
-from armdyn.show.report import write_report
-from armdyn.show.results import source_name
+from armdyn.show.results import source_name, write_report
 from armdyn.trajectory import Trajectory
 
 _MOST_SAMPLES = 600

@@ -11,7 +11,7 @@ import yaml
 import armdyn as ad
 from armdyn.cli.reports.saved import read_saved
 from armdyn.cli.reports.subject import SubjectSpec, subject_of
-from armdyn.show.report import write_run
+from armdyn.show.results import write_run
 from cli.command import answer, run_here, run_json
 from problems import pick_and_place
 

@@ -17,7 +17,7 @@ from armdyn.files import probe_folder
 
 if TYPE_CHECKING:
     from armdyn.models.scene.obstacles import Obstacle
-    from armdyn.show.report import Part
+    from armdyn.show.results import Part
 
 NO_FIGURE = "Write no figure.png and figure.pdf: a second or two less."
 
@@ -77,7 +77,7 @@ class ResultOptions:
 
     def folder(self, command: str, name: str, motions: Iterable[str] = ("trajectory",)) -> Path:
         """Folder of the files; see `OutputOptions.folder`."""
-        from armdyn.show.report import file_names
+        from armdyn.show.results import file_names
 
         return self.output.folder(command, name, file_names(self._parts, motions))
 
@@ -99,7 +99,7 @@ class ResultOptions:
         progress: Callable[[str], None],
     ) -> Written:
         """Write the requested files of motions; see `write_run`. After Ctrl-C nothing is drawn: that takes seconds."""
-        from armdyn.show.report import write_run
+        from armdyn.show.results import write_run
 
         begun = time.perf_counter()
         known = {**summary, **invocation()}

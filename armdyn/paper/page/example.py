@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from armdyn.paper.outcomes.outcome import Outcome
-from armdyn.show.report import write_run
+from armdyn.show.results import write_run
 
 
 def write_example(folder: Path, outcome: Outcome) -> list[Path]:
-    """Write the files of `show.report.write_run` for an example.
+    """Write the files of `show.results.write_run` for an example.
 
     Args:
         folder: made if it is not there.

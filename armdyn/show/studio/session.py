@@ -22,7 +22,7 @@ from armdyn.optimal.answer.solution import Solution, minimum_time_summary
 from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.options import MinimumTimeOptions
-from armdyn.show.report import write_report
+from armdyn.show.results import write_report
 from armdyn.show.studio.solving import NewestFirst
 from armdyn.show.studio.state import StudioState, carrying, fitting_presets, posed, slider_limits
 
