@@ -41,6 +41,11 @@ _USAGE = "a table's first line is such as t,q1,q2,v1,v2; an npz has arrays t and
 
 _MEANS = {word: what for what, words in _NAMES.items() for word in words.split()}
 _HEAD = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
+_UNITS = {
+    **dict.fromkeys(("", "s", "sec", "rad", "m", "N", "Nm"), 1.0), **dict.fromkeys(("deg", "degrees", "°"), np.pi / 180),
+    "mm": 1e-3, "cm": 1e-2, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9,
+}  # fmt: skip
+"""Factors to SI of the first of a column's units, such as deg of deg/s."""
 _COLUMN = re.compile(r"(?P<what>[a-z_]+?)[_\[./ ]*(?P<number>\d+)\]?")
 
 
@@ -85,8 +90,8 @@ def read_planned(path: str | os.PathLike[str], joint_names: Sequence[str]) -> Pl
     """Read a motion from a file.
 
     A table's first line names its columns: the time, and q, v, a, tau of each joint, such as `t,q1,q2,v1,v2`,
-    `time,position_elbow,…`, or the joints' own names for their positions. A unit may stand behind a name in brackets;
-    degrees are turned to radians. Where names have joints in them, columns may come in any order. An npz has arrays t
+    `time,position_elbow,…`, or the joints' own names for their positions. A unit may stand behind a name in brackets:
+    `_UNITS` are converted to SI. Where names have joints in them, columns may come in any order. An npz has arrays t
     and q, and may have v, a, tau, each of shape (n,) or (n, nv), by these names or toppra's. ROS 2's JointTrajectory
     is read as `messages.read_message` says.
 
@@ -222,7 +227,11 @@ def _sorted(file: Path, names: Sequence[str], table: Array, joints: Sequence[str
             continue
         if joint in found.setdefault(what, {}):
             raise TrajectoryError(f"{file}: column {shown(name)} is there twice")
-        found[what][joint] = np.deg2rad(table[:, k]) if "deg" in unit or "°" in unit else table[:, k]
+        first = re.split(r"[^a-zA-Z°µ]", "" if unit.isdigit() else unit.strip())[0]
+        if first not in _UNITS:
+            known = ", ".join(one for one in _UNITS if one)
+            raise TrajectoryError(f"{file}: column {shown(name)} has no unit that is known: {known}")
+        found[what][joint] = _UNITS[first] * table[:, k]
     return {what: _stacked(file, what, columns, joints) for what, columns in found.items()}
 
 

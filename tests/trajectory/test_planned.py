@@ -48,12 +48,14 @@ def test_named_columns_come_in_any_order_and_others_are_left_out(tmp_path):
     assert np.array_equal(planned.q, Q) and planned.v is None
 
 
-def test_degrees_are_turned(tmp_path):
+def test_units_are_converted(tmp_path):
     path = table(
         tmp_path, "t,shoulder [deg],elbow (deg),v1 [deg/s],v2 [rad/s]", T, np.rad2deg(Q), np.rad2deg(V[:, 0]), V[:, 1]
     )
     planned = read_planned(path, JOINTS)
     assert planned.q == pytest.approx(Q, rel=1e-14) and planned.v == pytest.approx(V, rel=1e-14)
+    planned = read_planned(table(tmp_path, "t [ms],shoulder [mm],elbow [m]", 1e3 * T, 1e3 * Q[:, 0], Q[:, 1]), JOINTS)
+    assert planned.t == pytest.approx(T, rel=1e-14) and planned.q == pytest.approx(Q, rel=1e-14)
 
 
 def test_one_name_may_be_the_end_of_another(tmp_path):
@@ -89,6 +91,7 @@ def test_arrays(tmp_path, names):
         ("t,v1,v2\n0,1,2\n", "there is no q"), ("q1,q2\n0,1\n", "there is no t"),
         ("t,q1\n0,1\n", "1 columns are q, of 2 joints"),
         ("t,q1,q3\n0,1,2\n", "2 columns are q"), ("t,q1,q1\n0,1,2\n", "column 'q1' is there twice"),
+        ("t,q1 [turns],q2\n0,1,2\n", "column 'q1 [turns]' has no unit that is known: s, sec, rad"),
         ("t,q1,q2\n0,1,\n", "line 2: '' is not a number"), ("a\0b,c\n1,2", "there is no t and no q"),
     ],
 )  # fmt: skip
