@@ -42,7 +42,8 @@ _USAGE = "a table's first line is such as t,q1,q2,v1,v2; an npz has arrays t and
 _MEANS = {word: what for what, words in _NAMES.items() for word in words.split()}
 _HEAD = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
 _UNITS = {
-    **dict.fromkeys(("", "s", "sec", "rad", "m", "N", "Nm"), 1.0), **dict.fromkeys(("deg", "degrees", "°"), np.pi / 180),
+    **dict.fromkeys(("", "s", "sec", "rad", "m", "N", "Nm"), 1.0),
+    **dict.fromkeys(("deg", "degrees", "°"), np.pi / 180),
     "mm": 1e-3, "cm": 1e-2, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9,
 }  # fmt: skip
 """Factors to SI of the first of a column's units, such as deg of deg/s."""

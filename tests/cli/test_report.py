@@ -225,7 +225,7 @@ def test_a_motion_that_breaks_limits_or_has_another_task_is_reported(tracked, tm
     files = (tmp_path / "fast.csv", tmp_path / "away.csv")
     output = answer(run_here("compare", tracked, *files, "--json", "--out", tmp_path))
     assert output["motions"][1]["verdict"] == "Breaks its limits" and output["motions"][1]["torque"] > 1
-    assert len(output["warnings"]) == 1 and "away begins 0.1 rad or m from where tracked" in output["warnings"][0]
+    assert len(output["warnings"]) == 1 and "away begins 0.1 rad from where tracked" in output["warnings"][0]
     both = answer(run_here("compare", *files, "--robot", "rr", "--payload", "0.1", "--json", "--out", tmp_path))
     assert [line.split()[1] for line in both["warnings"]] == ["begins", "ends"]
 

@@ -56,7 +56,7 @@ class ShownOptions:
 
         spec = SubjectSpec(robot=self.robot, part=self.part, payload=self.payload.carried())
         subject, moves = read_moves(self.results, spec)
-        warn_of_other_tasks(moves[: len(self.results)])
+        warn_of_other_tasks(moves[: len(self.results)], subject.sliding)
         return subject, moves
 
 

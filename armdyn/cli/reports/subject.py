@@ -25,6 +25,7 @@ from armdyn.models import PLANAR_ARMS, JointLimits, Payload, Robot
 from armdyn.models.robots.loads import is_motion_of
 from armdyn.models.scene.obstacles import SHAPES, obstacle_from, payload_from, tool_from
 from armdyn.models.values.actuator_limits import TorqueSpeed
+from armdyn.reprs import joint_unit
 from armdyn.show.page.facts import Facts, as_number
 from armdyn.show.page.motions import ShownMotion, Subject
 
@@ -282,8 +283,13 @@ def _named(results: Sequence[Saved]) -> list[ShownMotion]:
     ]
 
 
-def warn_of_other_tasks(moves: Sequence[ShownMotion]) -> None:
-    """Warn of motions whose times are not comparable with the first's: they begin, or end, elsewhere."""
+def warn_of_other_tasks(moves: Sequence[ShownMotion], sliding: Sequence[bool]) -> None:
+    """Warn of motions whose times are not comparable with the first's: they begin, or end, elsewhere.
+
+    Args:
+        moves: the motions.
+        sliding: which joints slide instead of turning.
+    """
     first = moves[0].motion
     for move in moves[1:]:
         ends = [("begins", 0)]
@@ -293,8 +299,8 @@ def warn_of_other_tasks(moves: Sequence[ShownMotion]) -> None:
             apart = float(np.max(np.abs(move.motion.q[k] - first.q[k])))
             if apart > NEAR:
                 _warn(
-                    f"{move.name} {word} {apart:.3g} rad or m from where {moves[0].name} {word}: their times are not "
-                    "of the same task"
+                    f"{move.name} {word} {apart:.3g} {joint_unit(sliding)} from where {moves[0].name} {word}: "
+                    "their times are not of the same task"
                 )
 
 

@@ -158,14 +158,17 @@ def _checks(facts: Facts) -> tuple[tuple[str, bool | None, str], ...]:
 def _of_pid(facts: Facts) -> Verdict:
     arrival, settling = facts.number("arrival_time"), facts.number("settling_time")
     rule, growth = facts.text("arrival_rule").replace("_", " "), facts.number("max_real_eigenvalue")
+    exceeded = facts.texts("limits_exceeded")
     checks: list[tuple[str, bool | None, str]] = [
         ("arrives", arrival is not None, f"{seconds(arrival)} ({rule})"),
         ("all joints settle", settling is not None, seconds(settling)),
+        ("keeps position and speed limits", not exceeded, "; ".join(exceeded) or "none is exceeded"),
     ]
     if growth is not None:
         checks.append(("stable at the goal", growth < 0, f"max Re λ = {growth:.4g} 1/s"))
-    headline = "Did not arrive" if arrival is None else f"Arrived after {seconds(arrival)}"
-    return Verdict("bad" if arrival is None else "good", headline, _sentence(facts.text("message")), tuple(checks))
+    headline = "Did not arrive" if arrival is None else f"Arrived after {_there(arrival, exceeded)}"
+    level: Level = "bad" if arrival is None or exceeded else "good"
+    return Verdict(level, headline, _sentence(facts.text("message")), tuple(checks))
 
 
 def _of_foreign_motion(facts: Facts) -> Verdict:
@@ -215,10 +218,14 @@ def _of_tracking(facts: Facts) -> Verdict:
     stability = facts.part("stability")
     if "stable" in stability:
         checks.append(("stable at the goal", stability.true("stable"), stability.text("message")))
-    headline = f"Settled after {seconds(settled)}" if settled is not None else "Did not settle"
-    headline += ", but exceeded its limits" if exceeded and settled is not None else ""
+    headline = "Did not settle" if settled is None else f"Settled after {_there(settled, exceeded)}"
     level: Level = "bad" if settled is None or exceeded else "good" if wrong is None else "fair"
     return Verdict(level, headline, _sentence(facts.text("message")), tuple(checks))
+
+
+def _there(time: float, exceeded: Sequence[str]) -> str:
+    """Time at which a loop is at its goal, and whether it exceeded limits on the way."""
+    return seconds(time) + (", but exceeded its limits" if exceeded else "")
 
 
 def _sentence(text: str) -> str:

@@ -69,6 +69,11 @@ def of_a_pid_loop(arrival):
     [
         (of_a_pid_loop(4.5535), "good", "Arrived after 4.5535 s"),
         (of_a_pid_loop(None), "bad", "Did not arrive"),
+        (
+            {**of_a_pid_loop(4.5535), "limits_exceeded": ["x reaches 141 %"]},
+            "bad",
+            "Arrived after 4.5535 s, but exceeded its limits",
+        ),
         ({"peak_error": 0.1, "settled_time": 0.3, "failed_time": None}, "good", "Settled after 0.3000 s"),
         ({"peak_error": 0.1, "settled_time": 0.3, "failed_time": 0.1}, "fair", "Settled after 0.3000 s"),
         ({"peak_error": 0.1, "settled_time": None, "failed_time": 0.1}, "bad", "Did not settle"),
