@@ -1,4 +1,13 @@
-/* Small dense matrices, row by row. */
+/* Sizes, and small dense matrices, row by row. */
+
+enum {
+    NX = 2 * JOINTS,   /* state */
+    NU = JOINTS,       /* torque */
+    NZ = NX + 1,       /* state and T */
+    NV = NX + 1 + NU,  /* state, T and torque of an interval: (x, T, u) */
+    NY = NV + NX,      /* unknowns of an interval */
+    BLOCK = NX + NU    /* from one knot to the next */
+};
 
 /* fmax and fmin without a library call; the first number if the second is NaN. */
 static inline double larger(double a, double b) { return b > a ? b : a; }

@@ -104,7 +104,7 @@ static int restore(Solve *s, int *k, int iterations) {
         if (s->nlp.is_free[i]) s->w[i] = push_inside(s->w[i], s->lower[i], s->upper[i], 1e-4);
     if (!evaluate(&s->nlp, s->w, &s->cost, s->c, NULL)) return 0;
     s->theta = absolute_sum(s->c, s->nlp.rows);
-    differentiate(&s->nlp, s->w, s->lam, s->gradient);
+    differentiate(&s->nlp, s->w, s->lam, s->gradient, s->d);
     memcpy(from, s->w, s->nlp.all * sizeof *from);
     do {
         if (++*k > iterations) return 0;
@@ -122,7 +122,7 @@ static int restore(Solve *s, int *k, int iterations) {
             if (try_step(s, s->dw, alpha, &cost, &theta, &phi) && theta <= (1 - 1e-4 * alpha) * s->theta) break;
         if (alpha <= 1e-8) return 0;
         advance(s, cost, 0, 0);
-        differentiate(&s->nlp, s->w, s->lam, s->gradient);
+        differentiate(&s->nlp, s->w, s->lam, s->gradient, s->d);
     } while (theta > 0.9 * theta_0 || !filter_accepts(s, theta, phi));
     for (int i = 0; i < s->nlp.all; i++) {
         if (s->zl[i] > 0) s->zl[i] = s->mu / (s->w[i] - s->lower[i]);
@@ -182,8 +182,7 @@ static int iterate(Solve *s, const Settings *settings, int every, Monitor monito
     double least_mu = settings->tolerance / 11, cost, alpha, tau, error;
     int acceptable = 0, tiny = 0, still;
     for (*k = 0;; ++*k) {
-        differentiate(&s->nlp, s->w, s->lam, s->gradient);
-        transposed(&s->nlp, s->lam, s->d);
+        differentiate(&s->nlp, s->w, s->lam, s->gradient, s->d);
         for (int i = 0; i < s->nlp.all; i++) s->d[i] += s->gradient[i];
         error = error_of(s, 0);
         if (!isfinite(error)) return INVALID_NUMBER;
@@ -248,7 +247,7 @@ static int initialise(Solve *s, const double *lower, const double *upper, double
     if (!evaluate(nlp, s->w, &s->cost, s->c, NULL)) return 0;
     s->theta = absolute_sum(s->c, nlp->rows);
     s->least_theta = 1e-4 * larger(1, s->theta), s->most_theta = 1e4 * larger(1, s->theta);
-    differentiate(nlp, s->w, s->lam, s->gradient);
+    differentiate(nlp, s->w, s->lam, s->gradient, s->d);
     multipliers(s);
     return 1;
 }

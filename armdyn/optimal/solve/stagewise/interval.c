@@ -5,22 +5,13 @@
    w = (x_0, u_0, x_1, ..., x_N, T) and, if the states in the intervals' middles are bounded, slacks s with the rows
    m(w) - s = 0 after the equations of motion. A slack without bounds is fixed to zero, and so is its row. */
 
-enum {
-    NX = 2 * JOINTS,   /* state */
-    NU = JOINTS,       /* torque */
-    NZ = NX + 1,       /* state and T */
-    NV = NX + 1 + NU,  /* state, T and torque of an interval: (x, T, u) */
-    NY = NV + NX,      /* unknowns of an interval */
-    BLOCK = NX + NU    /* from one knot to the next */
-};
-
-/* Stage: Jacobian and Hessian of an interval, and their factors by `riccati.c`. */
+/* Stage: derivatives of an interval, and their factors by `riccati.c`; small, as fine meshes exceed the cache. */
 typedef struct {
-    double J[NX][NY], H[NY][NY], Jm[NX][NY]; /* of the equations; Hessian; of the middle */
-    double (*B)[NY], bounded[NY][NY];        /* Hessian with barrier terms of the middle's bounds */
-    double LU[NX][NX], M[NX][NV], P[NZ][NZ], S[NZ][NX], L[NU][NU], K[NU][NZ], Kn[NU][NX];
+    double H[NY * (NY + 1) / 2], Jm[NX][NY]; /* Hessian, lower triangle row by row; Jacobian of the middle */
+    double LU[NX][NX], M[NX][NV];            /* Jacobian J of the equations, solved for x_{k+1} */
+    double across[NX][NV], P[NZ][NZ], S[NZ][NX], L[NU][NU], K[NU][NZ], Kn[NU][NX];
     double r[NX], p[NZ], k[NU];
-    int pivot[NX];
+    int pivot[NX], regular;
 } Stage;
 
 /* Program: sizes, parameters, and derivatives at the present iterate. */
@@ -67,13 +58,35 @@ static int evaluate(const Program *nlp, const double *w, double *cost, double *c
     return isfinite(sum) && isfinite(total);
 }
 
-/* Jacobians, Hessian of cost + lam'c, and the cost's gradient; lam includes the middles' multipliers. */
-static void differentiate(const Program *nlp, const double *w, const double *lam, double *gradient) {
+/* Index in y of the j-th of (x, T, u). */
+static int place(int j) { return j < NX ? j : j == NX ? NY - 1 : j - 1; }
+
+/* M of dx_{k+1} = M (dx_k, dT, du_k) + r, once for all inertia corrections of an iterate. */
+static void solve_for_next(Stage *s, double J[NX][NY]) {
+    for (int i = 0; i < NX; i++) {
+        for (int j = 0; j < NX; j++) s->LU[i][j] = J[i][BLOCK + j];
+        for (int j = 0; j < NV; j++) s->M[i][j] = -J[i][place(j)];
+    }
+    s->regular = lu_factor(s->LU, s->pivot);
+    if (s->regular) lu_solve(s->LU, s->pivot, &s->M[0][0], NV);
+}
+
+/* out += J'weights for one interval's rows */
+static void add_transposed(const Program *nlp, int k, double J[NX][NY], const double *weights, double *out) {
+    for (int i = 0; i < NX; i++) {
+        for (int j = 0; j < NY - 1; j++) out[BLOCK * k + j] += weights[i] * J[i][j];
+        out[nlp->size - 1] += weights[i] * J[i][NY - 1];
+    }
+}
+
+/* Derivatives of all intervals, the cost's gradient, and that of lam'c; lam includes the middles' multipliers. */
+static void differentiate(const Program *nlp, const double *w, const double *lam, double *gradient, double *weighted) {
     V y[NY], p[PARAMETERS], x[NX], l[NX], m[NX], left[NU], mid[NU], right[NU], to_left[NU], to_right[NU];
     V J[JACOBIAN], g[GRADIENT], H[HESSIAN], Jm[MIDDLE];
     V jacobian_left[POINT_JACOBIAN], jacobian_mid[POINT_JACOBIAN], jacobian_right[POINT_JACOBIAN];
     V hessian_left[POINT_HESSIAN], hessian_mid[POINT_HESSIAN], hessian_right[POINT_HESSIAN];
-    memset(gradient, 0, nlp->all * sizeof *gradient);
+    double jacobian[NX][NY] = {{0}};
+    memset(gradient, 0, nlp->all * sizeof *gradient), memset(weighted, 0, nlp->all * sizeof *weighted);
     for (int first = 0; first < nlp->N; first += LANES) {
         gather(nlp, w, first, y, p);
         for (int lane = 0; lane < LANES; lane++)
@@ -89,32 +102,17 @@ static void differentiate(const Program *nlp, const double *w, const double *lam
                  p, J, g, H, Jm);
         for (int lane = 0; lane < LANES && first + lane < nlp->N; lane++) {
             int k = first + lane;
-            double *jacobian = &nlp->stages[k].J[0][0], *hessian = &nlp->stages[k].H[0][0];
-            double *jm = &nlp->stages[k].Jm[0][0];
-            for (int i = 0; i < JACOBIAN; i++) jacobian[jacobian_place[i]] = J[i][lane];
-            for (int i = 0; i < MIDDLE; i++) jm[middle_place[i]] = Jm[i][lane];
-            for (int i = 0; i < HESSIAN; i++) hessian[hessian_place[i]] = hessian[hessian_mirror[i]] = H[i][lane];
+            Stage *s = nlp->stages + k;
+            for (int i = 0; i < JACOBIAN; i++) (&jacobian[0][0])[jacobian_place[i]] = J[i][lane];
+            for (int i = 0; i < MIDDLE; i++) (&s->Jm[0][0])[middle_place[i]] = Jm[i][lane];
+            for (int i = 0; i < HESSIAN; i++) s->H[hessian_place[i]] = H[i][lane];
             for (int i = 0; i < GRADIENT; i++)
                 gradient[gradient_place[i] == NY - 1 ? nlp->size - 1 : BLOCK * k + gradient_place[i]] += g[i][lane];
+            solve_for_next(s, jacobian), add_transposed(nlp, k, jacobian, lam + NX * k, weighted);
+            if (nlp->all > nlp->size) add_transposed(nlp, k, s->Jm, lam + nlp->equations + NX * k, weighted);
         }
     }
-}
-
-/* out += J'weights for one interval's rows */
-static void add_transposed(const Program *nlp, int k, double J[NX][NY], const double *weights, double *out) {
-    for (int i = 0; i < NX; i++) {
-        for (int j = 0; j < NY - 1; j++) out[BLOCK * k + j] += weights[i] * J[i][j];
-        out[nlp->size - 1] += weights[i] * J[i][NY - 1];
-    }
-}
-
-/* out = J'lam */
-static void transposed(const Program *nlp, const double *lam, double *out) {
-    memset(out, 0, nlp->all * sizeof *out);
-    for (int k = 0; k < nlp->N; k++) add_transposed(nlp, k, nlp->stages[k].J, lam + NX * k, out);
-    if (nlp->all == nlp->size) return;
-    for (int k = 0; k < nlp->N; k++) add_transposed(nlp, k, nlp->stages[k].Jm, lam + nlp->equations + NX * k, out);
-    for (int i = 0; i < nlp->equations; i++) out[nlp->size + i] = -lam[nlp->equations + i];
+    for (int i = nlp->equations; i < nlp->rows; i++) weighted[nlp->size + i - nlp->equations] = -lam[i];
 }
 
 /* Set all Hessians to zero. */

@@ -11,27 +11,18 @@
    of interior-point methods to model predictive control, JOTA 99, 1998; with Debreu's lemma at the end:
    HELD |dx_N|^2 / 2 leaves the step, as dx_N = 0, and restricts the test to the equations' null space). */
 
+/* Read a part of a stage into the cache, ahead of its use: fine meshes are larger than the cache. */
+static inline void prefetch(const void *first, const void *end) {
+    for (const char *at = first; at < (const char *)end; at += 64) __builtin_prefetch(at);
+}
+
 /* Result of the recursion at k = 0: Cholesky factor of -G, row of S for T, Schur complement of T. */
 typedef struct {
     double G[NX][NX], S[NX], curvature;
 } End;
 
-/* Index in y of the j-th of (x, T, u). */
-static int place(int j) { return j < NX ? j : j == NX ? NY - 1 : j - 1; }
-
-/* M of dx_{k+1} = M (dx_k, dT, du_k) + r; 0: singular. */
-static int solve_for_next(Stage *s) {
-    for (int i = 0; i < NX; i++) {
-        for (int j = 0; j < NX; j++) s->LU[i][j] = s->J[i][BLOCK + j];
-        for (int j = 0; j < NV; j++) s->M[i][j] = -s->J[i][place(j)];
-    }
-    if (!lu_factor(s->LU, s->pivot)) return 0;
-    lu_solve(s->LU, s->pivot, &s->M[0][0], NV);
-    return 1;
-}
-
 /* Stage Hessian F and row SM in (x, T, u), from P and S in (x_{k+1}, T). */
-static void pull_back(const Stage *s, double F[NV][NV], double SM[NV][NX]) {
+static void pull_back(const Stage *s, const double B[NY][NY], double F[NV][NV], double SM[NV][NX]) {
     double Y[NZ][NV], Z[NX][NV];
     for (int i = 0; i < NZ; i++) {
         for (int j = 0; j < NV; j++) Y[i][j] = 0;
@@ -40,7 +31,7 @@ static void pull_back(const Stage *s, double F[NV][NV], double SM[NV][NX]) {
         Y[i][NX] += s->P[i][NX];
     }
     for (int i = 0; i < NX; i++)
-        for (int j = 0; j < NV; j++) Z[i][j] = Y[i][j] + (j == NX ? 0 : 2 * s->B[BLOCK + i][place(j)]);
+        for (int j = 0; j < NV; j++) Z[i][j] = Y[i][j] + (j == NX ? 0 : 2 * B[BLOCK + i][place(j)]);
     for (int i = 0; i < NV; i++) {
         for (int j = 0; j < NV; j++) F[i][j] = i == NX ? Y[NX][j] : 0;
         for (int j = 0; j < NX; j++) SM[i][j] = i == NX ? s->S[NX][j] : 0;
@@ -50,7 +41,7 @@ static void pull_back(const Stage *s, double F[NV][NV], double SM[NV][NX]) {
         }
     }
     for (int i = 0; i < NV; i++)
-        for (int j = 0; j <= i; j++) F[i][j] = F[j][i] = (F[i][j] + F[j][i]) / 2 + s->B[place(i)][place(j)];
+        for (int j = 0; j <= i; j++) F[i][j] = F[j][i] = (F[i][j] + F[j][i]) / 2 + B[place(i)][place(j)];
 }
 
 /* Cholesky factor of the torques' Hessian, with an inertia correction of `least` times a power of ten if needed; 0: the
@@ -68,16 +59,17 @@ static int factor_convex(double L[NU][NU], double least) {
 
 /* One stage of the recursion: P, S and -G from the end of an interval to its start; 0: wrong inertia.
    `sigma`: diagonal added to H for (x_k, u_k); `convex`: least inertia correction of u_k. */
-static int stage_factor(Stage *s, double P[NZ][NZ], double S[NZ][NX], double G[NX][NX], const double *sigma,
+static int stage_factor(Stage *s, const double B[NY][NY], double P[NZ][NZ], double S[NZ][NX], double G[NX][NX], const double *sigma,
                         double convex) {
     double F[NV][NV], SM[NV][NX];
-    if (!solve_for_next(s)) return 0;
+    if (!s->regular) return 0;
     for (int i = 0; i < NX; i++) {
-        for (int j = 0; j < NX; j++) P[i][j] += s->B[BLOCK + i][BLOCK + j];
-        P[i][NX] += s->B[BLOCK + i][NY - 1], P[NX][i] += s->B[BLOCK + i][NY - 1];
+        for (int j = 0; j < NX; j++) P[i][j] += B[BLOCK + i][BLOCK + j];
+        P[i][NX] += B[BLOCK + i][NY - 1], P[NX][i] += B[BLOCK + i][NY - 1];
+        for (int j = 0; j < NV; j++) s->across[i][j] = j == NX ? 0 : B[BLOCK + i][place(j)];
     }
     memcpy(s->P, P, sizeof s->P), memcpy(s->S, S, sizeof s->S);
-    pull_back(s, F, SM);
+    pull_back(s, B, F, SM);
     for (int i = 0; i < NU; i++) {
         for (int j = 0; j < NU; j++) s->L[i][j] = F[NZ + i][NZ + j];
         s->L[i][i] += sigma[NX + i];
@@ -103,31 +95,34 @@ static int stage_factor(Stage *s, double P[NZ][NZ], double S[NZ][NX], double G[N
     return 1;
 }
 
-/* Hessian of an interval with the barrier terms of its middle's bounds: row by row, to keep a row in registers. */
-static void add_bound_hessian(const Program *nlp, int k) {
-    Stage *s = nlp->stages + k;
-    s->B = nlp->all > nlp->size ? s->bounded : s->H;
+/* Hessian B of an interval with the barrier terms of its middle's bounds: row by row, to keep a row in registers. */
+static void bounded_hessian(const Program *nlp, int k, double B[NY][NY]) {
+    const Stage *s = nlp->stages + k;
+    for (int i = 0, at = 0; i < NY; i++)
+        for (int j = 0; j <= i; j++) B[i][j] = B[j][i] = s->H[at++];
     if (nlp->all == nlp->size) return;
     const char *is_free = nlp->is_free + nlp->size + NX * k;
     const double *sigma = nlp->sigma + nlp->size + NX * k;
     for (int i = 0; i < NY; i++) {
         double row[NY];
-        for (int j = 0; j < NY; j++) row[j] = s->H[i][j];
+        for (int j = 0; j < NY; j++) row[j] = B[i][j];
         for (int l = 0; l < NX; l++) {
             double weight = is_free[l] ? s->Jm[l][i] * sigma[l] : 0;
             for (int j = 0; j < NY; j++) row[j] += weight * s->Jm[l][j];
         }
-        for (int j = 0; j < NY; j++) s->bounded[i][j] = row[j];
+        for (int j = 0; j < NY; j++) B[i][j] = row[j];
     }
 }
 
 /* Factorization over all intervals; `nlp->sigma`: diagonal added to H. 0: wrong inertia. */
 static int factor(const Program *nlp, End *end) {
-    double P[NZ][NZ] = {{0}}, S[NZ][NX] = {{0}}, G[NX][NX] = {{0}}, a[NX];
+    double B[NY][NY], P[NZ][NZ] = {{0}}, S[NZ][NX] = {{0}}, G[NX][NX] = {{0}}, a[NX];
     for (int i = 0; i < NX; i++) P[i][i] = HELD, S[i][i] = 1;
-    for (int k = nlp->N - 1; k >= 0; k--)
-        if (add_bound_hessian(nlp, k),
-            !stage_factor(nlp->stages + k, P, S, G, nlp->sigma + BLOCK * k, nlp->convex)) return 0;
+    for (int k = nlp->N - 1; k >= 0; k--) {
+        if (k) prefetch(nlp->stages[k - 1].H, nlp->stages[k - 1].across);
+        bounded_hessian(nlp, k, B);
+        if (!stage_factor(nlp->stages + k, B, P, S, G, nlp->sigma + BLOCK * k, nlp->convex)) return 0;
+    }
     memcpy(end->G, G, sizeof G), memcpy(end->S, S[NX], sizeof end->S), memcpy(a, end->S, sizeof a);
     if (!cholesky(&end->G[0][0], NX)) return 0;
     forward(&end->G[0][0], NX, a, 1);
@@ -141,6 +136,7 @@ static void sweep_back(const Program *nlp, const double *d, const double *c, dou
     for (int k = nlp->N - 1; k >= 0; k--) {
         Stage *t = nlp->stages + k;
         double f[NV], q[NZ];
+        if (k) prefetch(t[-1].LU, t[-1].r);
         memcpy(t->p, p, sizeof t->p);
         for (int i = 0; i < NX; i++) t->r[i] = -c[NX * k + i];
         lu_solve(t->LU, t->pivot, t->r, 1);
@@ -151,7 +147,7 @@ static void sweep_back(const Program *nlp, const double *d, const double *c, dou
         for (int i = 0; i < NV; i++) {
             f[i] = i == NX ? q[NX] : 0;
             for (int l = 0; l < NX; l++)
-                f[i] += (i == NX ? 0 : t->B[place(i)][BLOCK + l] * t->r[l]) + t->M[l][i] * q[l];
+                f[i] += t->across[l][i] * t->r[l] + t->M[l][i] * q[l];
             if (i != NX) f[i] += d[BLOCK * k + place(i)];
         }
         for (int l = 0; l < NX; l++)
@@ -180,6 +176,7 @@ static void step_without_slacks(const Program *nlp, const End *end, const double
     for (int k = 0; k < nlp->N; k++) {
         Stage *t = nlp->stages + k;
         double *u = v + NZ, next[NX], *lam = dlam + NX * k;
+        if (k + 1 < nlp->N) prefetch(t[1].LU, t[1].pivot);
         for (int i = 0; i < NU; i++) {
             u[i] = -t->k[i];
             for (int j = 0; j < NZ; j++) u[i] -= t->K[i][j] * v[j];
@@ -193,7 +190,7 @@ static void step_without_slacks(const Program *nlp, const End *end, const double
         for (int i = 0; i < NX; i++) {
             lam[i] = -t->p[i] - t->P[i][NX] * v[NX];
             for (int j = 0; j < NX; j++) lam[i] -= t->P[i][j] * next[j] + t->S[i][j] * nu[j];
-            for (int j = 0; j < NV; j++) lam[i] -= j == NX ? 0 : t->B[BLOCK + i][place(j)] * v[j];
+            for (int j = 0; j < NV; j++) lam[i] -= t->across[i][j] * v[j];
         }
         lu_transposed(t->LU, t->pivot, lam);
         memcpy(dw + BLOCK * k, v, NX * sizeof *v), memcpy(dw + BLOCK * k + NX, u, NU * sizeof *u);

@@ -21,7 +21,7 @@ from armdyn.optimal.solve.solver import NlpData, NlpResult
 from armdyn.optimal.task.options import SolverSettings
 from armdyn.optimal.task.tableau import Scheme
 
-_PARTS = ("interval.c", "dense.c", "riccati.c", "line_search.c", "interior_point.c")
+_PARTS = ("dense.c", "interval.c", "riccati.c", "line_search.c", "interior_point.c")
 """The .c files, in the order of their dependence."""
 _OWN = 1500
 """Equivalent size of the .c files in instructions of the arm's functions, for the estimate of the compile time."""
@@ -88,8 +88,7 @@ def _source(joints: int, one: StageFunctions) -> str:
         "jacobian_place": [width * i + j for i, j in zip(down, across, strict=True)],
         "middle_place": [width * i + j for i, j in zip(*one.middle_jacobian.get_triplet(), strict=True)],
         "gradient_place": one.gradient.get_triplet()[0],
-        "hessian_place": [width * i + j for i, j in zip(upper, lower, strict=True)],
-        "hessian_mirror": [width * j + i for i, j in zip(upper, lower, strict=True)],
+        "hessian_place": [i + j * (j + 1) // 2 for i, j in zip(upper, lower, strict=True)],
     }
     return "".join(
         (

@@ -19,16 +19,16 @@ N, JOINTS = 4, 2
 STATE, BLOCK = 2 * JOINTS, 3 * JOINTS
 WIDTH, SIZE = 5 * JOINTS + 1, BLOCK * N + STATE + 1
 NEWTON = """
-int newton_step(int N, int bounded, const double *J, const double *Jm, const double *H, double *sigma,
+int newton_step(int N, int bounded, double *J, const double *Jm, const double *H, double *sigma,
                 const char *is_free, const double *d, const double *c, double *dw, double *dlam) {
     Program nlp = program_of(N, NULL, bounded);
     End end;
     nlp.stages = calloc(N, sizeof *nlp.stages), nlp.reduced = calloc(nlp.size, sizeof *nlp.reduced);
     nlp.sigma = sigma, nlp.is_free = is_free;
     for (int k = 0; k < N; k++) {
-        memcpy(nlp.stages[k].J, J + k * NX * NY, sizeof nlp.stages[k].J);
+        solve_for_next(nlp.stages + k, (double(*)[NY])(J + k * NX * NY));
         memcpy(nlp.stages[k].Jm, Jm + k * NX * NY, sizeof nlp.stages[k].Jm);
-        memcpy(nlp.stages[k].H, H + k * NY * NY, sizeof nlp.stages[k].H);
+        memcpy(nlp.stages[k].H, H + k * NY * (NY + 1) / 2, sizeof nlp.stages[k].H);
     }
     int found = factor(&nlp, &end);
     if (found) step(&nlp, &end, d, c, dw, dlam);
@@ -72,7 +72,7 @@ def equations(seed, curvature):
         M[STATE * k : STATE * (k + 1), places] = Jm[k]
         W[np.ix_(places, places)] += H[k]
     free = np.r_[STATE : BLOCK * N, SIZE - 1]
-    return (J, Jm, H), (A[:, free], M[:, free], W[np.ix_(free, free)]), free, random
+    return (J, Jm, H[:, *np.tril_indices(WIDTH)]), (A[:, free], M[:, free], W[np.ix_(free, free)]), free, random
 
 
 @pytest.mark.slow
