@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from armdyn.optimal.landing.rollout import replay_of
+from armdyn.optimal.landing.rollout import replay_torques
 from armdyn.optimal.program.unknowns import doubled
 from armdyn.optimal.search.multistart import Job, SearchSettings, crossover_guesses, distinct, ranked, search
 from armdyn.optimal.search.starts import spline
@@ -17,6 +17,9 @@ from armdyn.optimal.task.options import SolverSettings
 from armdyn.optimal.task.tableau import DynamicsForm
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
+
+_ROUGH = 1e-6
+"""Relative tolerance of the replays of coarse motions, which miss the goal by a fifth of a joint's way or do not."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +176,8 @@ def at_speed(task: Task, motion: Trajectory) -> bool:
 def _misses_goal(task: Task, attempt: Attempt) -> bool:
     """Whether the replay of the mesh's torques ends at a different pose."""
     problem, motion = task.problem, attempt.trajectory
-    missed = np.abs(problem.goal_error_of(replay_of(task, motion))[: problem.robot.nv])
+    replay = replay_torques(problem.robot, motion, _ROUGH, task.stop.__bool__)
+    missed = np.abs(problem.goal_error_of(replay)[: problem.robot.nv])
     return not np.max(missed) <= task.policy.search.replay_miss * np.max(np.ptp(motion.q, axis=0))
 
 

@@ -107,7 +107,8 @@ class MinimumTimeOptions(Checked):
             Newton-Euler with the accelerations as further unknowns.
         compile: the program's derivatives as machine code, ten times as fast, built once by the C compiler and cached
             for the user: always, never, or (None) if the build takes only seconds or is cached already.
-        max_iterations: of IPOPT, for one guess on one mesh, or one curve; also steps of a curve's convexification.
+        max_iterations: of IPOPT, for one guess on one mesh, or one curve; also steps of a curve's convexification. A
+            guess of three joints has 250 at most.
         tolerance: of IPOPT, on the scaled problem.
         calm: part of the duration that may be spent on calm joints, where motions are curves: the answer is the motion
             with the least travel and fewest reversals of the joints among those slower than the fastest by this part. A

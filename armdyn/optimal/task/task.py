@@ -144,11 +144,13 @@ class Task:
     def coarse(self) -> list[SolverSettings]:
         """Settings of IPOPT for the search, used by the guesses in turn."""
         numbers = self.policy.program
-        return [self._settings(numbers.coarse_tolerance, barrier) for barrier in numbers.coarse_barriers]
+        most = numbers.guess_iterations
+        return [self._settings(numbers.coarse_tolerance, barrier, most) for barrier in numbers.coarse_barriers]
 
     def fine(self) -> SolverSettings:
         """Settings for a guess that is a solution on another mesh, to stay near it."""
-        return self._settings(self.policy.program.fine_tolerance, self.policy.program.fine_barrier)
+        numbers = self.policy.program
+        return self._settings(numbers.fine_tolerance, numbers.fine_barrier, numbers.guess_iterations)
 
     def sharp(self) -> SolverSettings:
         """Settings for locating switches on successively finer meshes."""
@@ -159,5 +161,6 @@ class Task:
         """Settings for a single guess without a search."""
         return self._settings(self.options.tolerance, SolverSettings.barrier)
 
-    def _settings(self, tolerance: float, barrier: float) -> SolverSettings:
-        return SolverSettings(tolerance, self.options.max_iterations, self.options.verbose, barrier)
+    def _settings(self, tolerance: float, barrier: float, most: int | None = None) -> SolverSettings:
+        given = self.options.max_iterations
+        return SolverSettings(tolerance, min(given, most or given), self.options.verbose, barrier)

@@ -155,6 +155,7 @@ class Policy:
                 linear=problem.continuous_torque or not problem.limits.actuators.constant,
                 condensed=not has_constraints,
                 coarse_barriers=(1e-2, 1e-1) if many else (1e-3, 1e-2),
+                guess_iterations=250 if many else None,
                 flat=1e-4 if _has_rows(problem) else None,
             ),
             search=SearchPolicy(
