@@ -1,10 +1,9 @@
 """Executors, which run the cases of a study: their protocol, and this process, its threads and its children."""
 
-import queue
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -190,29 +189,20 @@ class Threads:
 
     def __init__(self, task: StudyTask, size: int, pool: ThreadPoolExecutor):
         self.size = size
-        self._task, self._pool = task, pool
-        self._under_way, self._done = 0, queue.SimpleQueue[Future[Ended]]()
+        self._task, self._pool, self._under_way = task, pool, set[Future[Ended]]()
 
     def batch_size(self, left: int) -> int:
         """Number of cases to be given now: 1 while few cases wait."""
-        return min(left, 1, _QUEUED_PER_WORKER * self.size - self._under_way)
+        return min(left, 1, _QUEUED_PER_WORKER * self.size - len(self._under_way))
 
     def give(self, cases: Sequence[StudyCase]) -> None:
         """Put cases into the pool's queue."""
-        for case in cases:
-            self._under_way += 1
-            self._pool.submit(_done, self._task, case).add_done_callback(self._done.put)
+        self._under_way |= {self._pool.submit(_done, self._task, case) for case in cases}
 
     def ended(self, seconds: float) -> list[Ended]:
         """Wait for reports."""
-        found = list[Ended]()
-        while self._under_way and (not found or not self._done.empty()):
-            try:
-                found.append(self._done.get(timeout=seconds).result())
-            except queue.Empty:
-                break
-            self._under_way -= 1
-        return found
+        done, self._under_way = wait(self._under_way, seconds, FIRST_COMPLETED)
+        return [future.result() for future in done]
 
 
 @contextmanager
