@@ -13,25 +13,20 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from armdyn.cli.options.path_constraints import obstacles_of
 from armdyn.cli.options.robot import PartOptions, ends_of
 from armdyn.cli.reports.saved import Saved, is_given, motion_of, read_saved
 from armdyn.errors import ArmdynError, ArmdynWarning, FileError, ProblemError, TrajectoryError
 from armdyn.models import PLANAR_ARMS, JointLimits, Payload, Robot
 from armdyn.models.robots.loads import is_motion_of
-from armdyn.models.scene.obstacles import SHAPES, obstacle_from, payload_from, tool_from
+from armdyn.models.scene.obstacles import Obstacle, obstacle_from, payload_from, tool_from
 from armdyn.models.values.actuator_limits import TorqueSpeed
 from armdyn.reprs import joint_unit
 from armdyn.show.page.facts import Facts, as_number
 from armdyn.show.page.motions import ShownMotion, Subject
-
-if TYPE_CHECKING:
-    from armdyn.models.scene.obstacles import Obstacle
-
 
 _NAME = re.compile(r"[a-z0-9_]{1,80}")
 _OURS = ("example-robot-data: ", "armdyn: ", "ArmSpec ")
@@ -183,14 +178,10 @@ def _flags(value: object, count: int) -> bool:
 
 
 def obstacles_in(facts: Facts) -> tuple[Obstacle, ...]:
-    """The obstacles of a result; of one of an older armdyn those written out in its command, and none from files."""
-    options = facts.part("request").part("options")
-    texts = [text for text in options.texts("obstacle") if text.partition(":")[0] in SHAPES][:_MOST_OBSTACLES]
+    """The obstacles of a result; none where one is malformed, and none of its command, which may name files."""
+    entries = facts.parts("obstacles")[:_MOST_OBSTACLES]
     try:
-        if "obstacles" in facts:
-            entries = facts.parts("obstacles")[:_MOST_OBSTACLES]
-            return tuple(obstacle_from(one.values, f"obstacle {i}") for i, one in enumerate(entries, 1))
-        return obstacles_of(texts)
+        return tuple(obstacle_from(one.values, f"obstacle {i}") for i, one in enumerate(entries, 1))
     except ArmdynError:
         return ()
 
