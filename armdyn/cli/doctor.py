@@ -61,7 +61,8 @@ def doctor(
         shown = [facts_table("armdyn's installation", {k: str(v) for k, v in facts.items()})]
     else:
         arm, status = part.read(robot), "read"
-        joints, remarks = _joints(arm), _remarks(arm)
+        joints = _joints(arm)
+        remarks = _remarks(arm, joints)
         facts = {"robot": arm.name, "tip": arm.tip, "joints": joints, "remarks": remarks}
         shown = [_table(arm, joints), *(f"[yellow]note:[/] {escape(remark)}" for remark in remarks)]
     if policy:
@@ -69,9 +70,12 @@ def doctor(
         facts["policy"] = policy_facts(rows)
         shown.append(policy_table(arm.name, rows))
     if build:
+        from armdyn.optimal.flat.equations import torque_equations
+
+        started = time.perf_counter()
         with working(f"machine code of {arm.name}"):
-            seconds = _built(arm)
-        facts["built"] = seconds
+            torque_equations(ad.Dynamics(arm, free_last_body=True), True)
+        facts["built"] = seconds = round(time.perf_counter() - started, 1)
         shown.append(f"machine code of {escape(arm.name)} is there, after {seconds:.1f} s")
     facts["dynamics_error"] = error = _disagreement(arm)
     verdict = "[green]agree[/]" if error <= _AGREE else "[bold red]DISAGREE[/]"
@@ -79,15 +83,6 @@ def doctor(
     if error <= _AGREE:
         return done(status, facts, *shown)
     return Answer(facts={**facts, "success": False, "status": "dynamics_disagree"}, shown=shown, code=NOT_USABLE)
-
-
-def _built(robot: ad.Robot) -> float:
-    """Build a robot's machine code, if it is missing; returns the time [s]."""
-    from armdyn.optimal.flat.equations import torque_equations
-
-    started = time.perf_counter()
-    torque_equations(ad.Dynamics(robot, free_last_body=True), True)
-    return round(time.perf_counter() - started, 1)
 
 
 def _installation() -> Facts:
@@ -177,8 +172,7 @@ def _joints(robot: ad.Robot) -> list[Facts]:
     ]
 
 
-def _remarks(robot: ad.Robot) -> list[str]:
-    joints = _joints(robot)
+def _remarks(robot: ad.Robot, joints: list[Facts]) -> list[str]:
     findings = {
         "no torque limit: minimum time needs --effort-limit, or --passive for a joint without a motor": [
             j for j in joints if j["effort_upper"] is None

@@ -132,7 +132,11 @@ def _write_motion(arm: ad.Robot, duration: float, sought: ad.ExcitingOptions, fo
 
 
 def _identify(arm: ad.Robot, logs: Sequence[str], options: IdentifyCommandOptions, folder: Path) -> Answer:
-    """Identify an arm, and write the result."""
+    """Identify an arm, and write the identified robot with its likely arms, the report and the facts."""
+    from armdyn.show.identification import write_identification
+    from armdyn.show.page.facts import Facts
+    from armdyn.show.results import result_head, save_results
+
     whole(options.likely, "likely", 0, _MOST_LIKELY)
     what, settings = options.what, ad.IdentifyOptions(held_out=options.held_out)
     with working(f"identification of {arm.name}"):
@@ -142,7 +146,10 @@ def _identify(arm: ad.Robot, logs: Sequence[str], options: IdentifyCommandOption
         unfit = estimate.judged.unfit if estimate.judged is not None else ""
         facts: dict[str, object] = {"success": not unfit, "status": "unfit" if unfit else "identified"}
         facts |= _facts(estimate) | {"likely": count}
-        files = _written(estimate, text, facts, folder)
+        made = invocation()
+        file = write_whole(folder / _FILE, text.encode())
+        report = write_identification(estimate, folder / _REPORT, Facts(result_head(estimate.robot) | made))
+        files = save_results(folder, estimate.robot, {**facts, **made}, [file, report])
     for warning in estimate.warnings:
         remedy = "" if unfit else f": leave out --{what}-only"
         warnings.warn(f"{warning}{remedy}", ad.ArmdynWarning, stacklevel=2)
@@ -160,18 +167,6 @@ def _robot_file(estimate: ad.Estimate, likely: Sequence[ad.Robot], folder: Path)
     while arms and len(to_toml({"robot": table | {"likely": arms}}).encode()) > MAX_BYTES:
         arms = arms[: len(arms) // 2]
     return to_toml({"robot": table | ({"likely": arms} if arms else {})}), len(arms)
-
-
-def _written(estimate: ad.Estimate, text: str, facts: dict[str, object], folder: Path) -> list[Path]:
-    """Write the identified robot with its likely arms, the report and the facts."""
-    from armdyn.show.identification import write_identification
-    from armdyn.show.page.facts import Facts
-    from armdyn.show.results import result_head, save_results
-
-    made = invocation()
-    file = write_whole(folder / _FILE, text.encode())
-    report = write_identification(estimate, folder / _REPORT, Facts(result_head(estimate.robot) | made))
-    return save_results(folder, estimate.robot, {**facts, **made}, [file, report])
 
 
 def _facts(estimate: ad.Estimate) -> dict[str, object]:

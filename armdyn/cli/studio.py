@@ -93,7 +93,8 @@ def studio(
     armdyn studio my_arm.urdf --payload 2 --obstacle box:0.2,0.2,0.6@0.5,0,0.3
     armdyn studio problem.toml --port 9000 --out results/cell[/]
     """
-    _expect_viser()
+    if find_spec("viser") is None:
+        raise MissingPackageError("viser", "armdyn studio")
     from armdyn.show.studio.origins import free_port
     from armdyn.show.studio.session import MOTION_FILE, PROBLEM_FILE, REPORT_FILE, STATE_FILE, Session, SessionSetup
     from armdyn.show.studio.state import StudioState
@@ -111,11 +112,6 @@ def studio(
         interrupts.at("the studio")
         serve(session, host, free, partial(_print_address, folder, host, port, kept is not None))
     return Answer()
-
-
-def _expect_viser() -> None:
-    if find_spec("viser") is None:
-        raise MissingPackageError("viser", "armdyn studio")
 
 
 def _kept_state(setup: SessionSetup, folder: Path) -> StudioState | None:

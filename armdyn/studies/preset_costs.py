@@ -85,8 +85,8 @@ def condition_costs(
     with suppress(KeyboardInterrupt):
         for condition, share in _shares(solution).items():
             relaxed = problem.variant(preset=problem.preset.without(condition))
-            if share < REACHED or (reason := _as_strict(problem, relaxed)):
-                reason = "the motion stays below its limit" if share < REACHED else reason
+            reason = "the motion stays below its limit" if share < REACHED else _as_strict(problem, relaxed)
+            if reason:
                 costs.append(ConditionCost(condition, share, reason=reason))
                 continue
             report(f"without the {condition.replace('_', ' ')} limit")

@@ -81,14 +81,12 @@ def run_file(path: str, options: StudyOptions, results: SweepResults) -> Answer:
     folder = results.output.folder("sweep", path, [ROWS, *names])
     folder.mkdir(parents=True, exist_ok=True)
     with progress_bar(Path(path).name, len(study)) as bar:
-        run = ad.run_study(
-            study,
-            folder / ROWS,
-            executor,
-            lambda now: bar.update(now.done, _progress_text(now)),
-            again=options.again,
-            sync=options.sync,
-        )
+
+        def report(now: Progress) -> None:
+            bad = f"{now.bad} not good, " if now.bad else ""
+            bar.update(now.done, f"{bad}{_left(now.left)}")
+
+        run = ad.run_study(study, folder / ROWS, executor, report, again=options.again, sync=options.sync)
     with read_rows(run.file) as rows:
         files = [run.file, write_csv(rows, folder / "rows.csv")]
         if options.parquet:
@@ -129,7 +127,10 @@ def _drawn(study: Study, table: list[dict[str, Any]], folder: Path, title: str) 
 
 def _words(study: Study, run: StudyRun, table: Sequence[Mapping[str, Any]], files: Sequence[Path]) -> dict[str, str]:
     """A study in words."""
-    from armdyn.studies.settings import label
+    from armdyn.studies.settings import label, unit_of
+
+    def setting(name: str, value: float | str) -> str:
+        return f"{name} {value}" if isinstance(value, str) else f"{name} {value:g} {unit_of(name)}".rstrip()
 
     there = sum(run.counts.values())
     words = {
@@ -142,7 +143,7 @@ def _words(study: Study, run: StudyRun, table: Sequence[Mapping[str, Any]], file
     if numbers:
         for word, pick in (("lowest", min), ("highest", max)):
             row = pick(numbers, key=lambda one: one[main])
-            at = ", ".join(_setting_text(axis.name, row[axis.name]) for axis in study.axes)
+            at = ", ".join(setting(axis.name, row[axis.name]) for axis in study.axes)
             words[f"{word} {label(main).partition(' [')[0]}"] = f"{row[main]:.6g} s at {at} (case {row['k']})"
     for row in [row for row in table if row["status"] not in _ANSWERS][:3]:
         words[f"case {row['k']}"] = f"{row['status'].replace('_', ' ')}: {row['message']}"
@@ -154,18 +155,6 @@ def _outcomes(study: Study) -> tuple[str, str]:
     from armdyn.studies.tasks.registry import TASKS
 
     return TASKS[str(study.task.description()["task"])].outcomes
-
-
-def _setting_text(name: str, value: float | str) -> str:
-    from armdyn.studies.settings import unit_of
-
-    return f"{name} {value}" if isinstance(value, str) else f"{name} {value:g} {unit_of(name)}".rstrip()
-
-
-def _progress_text(now: Progress) -> str:
-    """Text next to the bar."""
-    bad = f"{now.bad} not good, " if now.bad else ""
-    return f"{bad}{_left(now.left)}"
 
 
 def _left(left: tuple[float, float] | None) -> str:

@@ -137,9 +137,8 @@ def packed(array: Array, kind: str = "<f4") -> str:
 def _commands(name: str, shape: VisualShape) -> list[str]:
     """Commands for one shape; identifiers are its path, so that equal input gives equal bytes."""
     path = f"/armdyn/arm0/joint{shape.joint}/{name}"
-    r, g, b, a = (round(255 * x) / 255 for x in shape.rgba)
-    color = (round(255 * r) << 16) + (round(255 * g) << 8) + round(255 * b)
-    material = mg.MeshPhongMaterial(color=color, opacity=a, shininess=45, specular=0x303030)
+    r, g, b, a = (round(255 * x) for x in shape.rgba)
+    material = mg.MeshPhongMaterial(color=(r << 16) + (g << 8) + b, opacity=a / 255, shininess=45, specular=0x303030)
     mesh = mg.Mesh(shape.geometry, material)
     shape.geometry.uuid, material.uuid, mesh.uuid = f"{path}#geometry", f"{path}#material", f"{path}#mesh"
     commands = (

@@ -3,7 +3,7 @@
 import io
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from functools import partial
 from itertools import zip_longest
@@ -360,7 +360,8 @@ class Page:
         self._time = min(self._time, motion.duration)
         self._clock.max = float(motion.duration)
         if self._changed("speed", True):
-            self._speed.value = _nearest_speed(playing_speed([motion.duration]), self._speed.options)
+            speed = playing_speed([motion.duration])
+            self._speed.value = min(self._speed.options, key=lambda text: abs(np.log(_speed_of(text) / speed)))
 
     def _play(self, seconds: float) -> None:
         solution = self._session.solution
@@ -413,10 +414,6 @@ def _pose_of(handle: Any) -> pin.SE3:
 def _speed_of(text: str) -> float:
     one, _, part = text.partition("/")
     return float(one) / float(part or 1)
-
-
-def _nearest_speed(speed: float, options: Sequence[str]) -> str:
-    return min(options, key=lambda text: abs(np.log(_speed_of(text) / speed)))
 
 
 @contextmanager
