@@ -23,8 +23,8 @@ _NARROW = 52
 _COMMANDS = 11
 """Letters that commands have."""
 
-_OWN = "Options"
-_PANELS = (TASK, ROBOT, LIMITS, SCENE, _OWN, SOLVER, OUTPUT)
+_OWN = "of a single command"
+_PANELS = ("Arguments", TASK, ROBOT, LIMITS, SCENE, _OWN, "Options", SOLVER, OUTPUT)
 """Panels in their order; those of a single command stand in the place of `_OWN`."""
 
 _IN_OUTPUT = {"out", "json", "quiet", "no_figure", "no_report", "help"}
@@ -62,7 +62,7 @@ def _head(command: Any, ctx: Any, about: str) -> list[RenderableType]:
 
 
 def _panels(params: Iterable[Any]) -> list[tuple[str, list[Any]]]:
-    """The parameters by panel: arguments, then the panels in their order, then the rest."""
+    """The parameters by panel, in the panels' order."""
     found: defaultdict[str, list[Any]] = defaultdict(list)
     for param in params:
         if getattr(param, "hidden", False):
@@ -71,15 +71,11 @@ def _panels(params: Iterable[Any]) -> list[tuple[str, list[Any]]]:
             "Arguments" if param.param_type_name == "argument" else OUTPUT if param.name in _IN_OUTPUT else "Options"
         )
         found[getattr(param, "rich_help_panel", None) or usual].append(param)
-
-    def order(name: str) -> tuple[int, int]:
-        return -1 if name == "Arguments" else place(name), name == "Options"
-
-    return [(name, found[name]) for name in sorted(found, key=order)]
+    return [(name, found[name]) for name in sorted(found, key=place)]
 
 
 def place(panel: str) -> int:
-    """Sort key of a panel: the task first, the output last, the panels of a single command between."""
+    """Sort key of a panel: arguments and task first, the output last, the panels of a single command between."""
     return _PANELS.index(panel if panel in _PANELS else _OWN)
 
 

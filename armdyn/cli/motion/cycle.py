@@ -26,8 +26,7 @@ if TYPE_CHECKING:
 
 _EXAMPLE = "cell.toml"
 _STEPS = "steps.csv"
-_COLUMNS = ("step", "what", "carries", "time [s]", "share", "decided by", "what would help")
-_NUMBERS = ("step", "time [s]", "share")
+_HEADS = (">step", "what", "carries", ">time [s]", ">share", "decided by", "what would help")
 _MOST_COSTS = 8
 
 
@@ -134,8 +133,7 @@ def _solve(file: str, chosen: CycleOptions) -> Answer:
         written = _write(folder, name, solution, summary, chosen, progress)
     missing = _missing(solution, chosen.require)
     words = facts_table("", _words(solution, summary) | missing_words(missing) | written.words)
-    heads = [f">{head}" if head in _NUMBERS else head for head in _COLUMNS]
-    steps = table(f"{name}: cycle of {robot.name}", heads, map(_cells, summary["steps"]))
+    steps = table(f"{name}: cycle of {robot.name}", _HEADS, map(_cells, summary["steps"]))
     shown = [steps, words] if summary["steps"] else [words]
     facts = {"robot": robot.name, **summary, "missing": missing}
     return judged(facts, *shown, usable=solution.usable, as_required=not missing, files=written.files)
@@ -182,7 +180,8 @@ def _write(
     motion, obstacles, formats = replace(solution.trajectory, name=name), _obstacles(solution), options.kinds()
     motions = {"trajectory": motion}
     written = options.results.write(folder, robot, motions, summary, title, obstacles, progress=progress)
-    files = [write_whole(folder / _STEPS, csv_text([_COLUMNS, *map(_cells, summary["steps"])]).encode())]
+    heads = [head.removeprefix(">") for head in _HEADS]
+    files = [write_whole(folder / _STEPS, csv_text([heads, *map(_cells, summary["steps"])]).encode())]
     suffixes = [kind.suffix for kind in formats]
     for kind in formats:
         samples, _, _ = sampled(kind(), motion, None, usual_rate(kind))
