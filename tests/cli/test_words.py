@@ -21,7 +21,7 @@ def failure(**changes):
 
 
 def test_a_failure_pretends_no_digits():
-    words = solution_words(failure(), wrap=False)
+    words = solution_words(failure())
     assert "duration" not in words and "lands" not in words
     assert not any("inf" in said.split() for said in words.values())
     assert title_words(failure()) == "infeasible, no motion to the goal"
@@ -29,20 +29,20 @@ def test_a_failure_pretends_no_digits():
 
 def test_a_success_has_all_of_them():
     solution = solved("r")
-    assert solution_words(solution, wrap=False)["duration"] == f"{solution.duration:.9f} s"
+    assert solution_words(solution)["duration"] == f"{solution.duration:.9f} s"
     assert title_words(solution) == f"minimum time {solution.duration:.4f} s, certified"
 
 
 def test_the_tutorial_explains_lines_that_there_are():
     steps = (Path(__file__).parents[2] / "docs" / "tutorial.md").read_text().partition("## 2.")[0]
     explained = re.findall(r"^- \*\*(.+?)\*\*", steps, flags=re.M)
-    assert len(explained) == 5 and set(explained) <= set(solution_words(solved("rr"), wrap=False))
+    assert len(explained) == 5 and set(explained) <= set(solution_words(solved("rr")))
 
 
 def test_the_best_motion_so_far_is_named_so():
     best = failure(moves=True, status=ad.Status.TIME_LIMIT, certificate=solved("r").certificate)
     assert title_words(best) == f"time limit, best so far {best.duration:.4f} s"
-    assert "duration" not in solution_words(best, wrap=False)
+    assert "duration" not in solution_words(best)
 
 
 def bounded(gap, **changes):
@@ -53,7 +53,7 @@ def bounded(gap, **changes):
 
 
 def test_the_checks_are_said_apart():
-    words = solution_words(solved("r"), wrap=False)
+    words = solution_words(solved("r"))
     assert words["verdict"].startswith("The motion is executable. Pontryagin's conditions hold")
     assert words["lands"].startswith("yes: open-loop replay") and words["keeps its limits"].startswith("yes: ")
     assert words["extremal"].startswith("yes: |H| ≤ ") and "adjoint equations to " in words["extremal"]
@@ -63,7 +63,7 @@ def test_the_checks_are_said_apart():
 
 def test_a_small_gap_certifies_and_a_larger_one_has_a_remedy():
     assert title_words(bounded(4e-4)).endswith(", certified, gap 0.04 %")
-    near, far = (solution_words(bounded(gap), wrap=False) for gap in (4e-4, 2e-2))
+    near, far = (solution_words(bounded(gap)) for gap in (4e-4, 2e-2))
     slower = "The motion is executable. It is proven to be at most {} % slower than the fastest possible."
     assert near["verdict"] == slower.format("0.04") and far["verdict"] == slower.format("2")
     assert near["extremal"].startswith("no: ") and "what you can do" not in near
@@ -71,19 +71,17 @@ def test_a_small_gap_certifies_and_a_larger_one_has_a_remedy():
     assert title_words(bounded(2e-2)).endswith(", not certified, gap 2 %")
     assert "--starts" in far["what you can do"] and "`" not in far["what you can do"]
     unproven = bounded(4e-4, goal_error=1e-5)
-    assert unproven.certificate.reasons[0] in solution_words(unproven, wrap=False)["verdict"]
-    assert "about 0.04 %" in solution_words(unproven, wrap=False)["lower bound"]
+    assert unproven.certificate.reasons[0] in solution_words(unproven)["verdict"]
+    assert "about 0.04 %" in solution_words(unproven)["lower bound"]
     assert title_words(unproven).endswith(" s, not certified")
 
 
 def test_idle_joints_are_named():
-    assert (
-        "joint2: not determined by the duration" in solution_words(bounded(0.0, idle=("joint2",)), wrap=False)["idle"]
-    )
+    assert "joint2: not determined by the duration" in solution_words(bounded(0.0, idle=("joint2",)))["idle"]
 
 
 def test_an_unusable_motion_has_its_remedies_first():
-    words = solution_words(failure(), wrap=False)
+    words = solution_words(failure())
     assert words["verdict"] == "No motion was found: no motion was found." and "lands" not in words
     assert "--time-limit" in words["what you can do"]
 

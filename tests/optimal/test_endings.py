@@ -92,7 +92,7 @@ def test_a_motion_whose_search_the_time_limit_ended_is_usable_and_not_called_sol
     assert solution.success and solution.usable and not solution.certified
     summary = minimum_time_summary(solution)
     assert summary["status"] == "time_limit" and "The time limit ended the search" in summary["assessment"]
-    assert solution_words(solution, wrap=False)["status"] == "time limit"
+    assert solution_words(solution)["status"] == "time limit"
     assert title_words(solution).startswith("best so far ")
 
 

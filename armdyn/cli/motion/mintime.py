@@ -176,7 +176,8 @@ def mintime(
         written = written.with_files([] if results.no_figure else _write_reserves(curve, folder, arm.name))
     missing = missing_of(required, solution.usable, standing(solution))
     facts = {"robot": arm.name, **carried_facts(arm), **friction_facts(arm), **summary, "missing": missing}
-    words = _words(solution) | controller_words | reserve_choice | missing_words(missing) | written.words
+    words = carried_words(arm) | friction_words(arm) | reserve_words(solution.problem) | solution_words(solution)
+    words |= controller_words | reserve_choice | missing_words(missing) | written.words
     shown, usable = facts_table(f"{arm.name}: minimum time", words), solution.usable and accepted
     return judged(facts, shown, usable=usable, as_required=not missing, files=written.files)
 
@@ -185,12 +186,6 @@ def _title(solution: ad.Solution) -> str:
     arm = solution.problem.robot
     carried = f", {1000 * arm.payload.mass:g} g" if arm.payload is not None and arm.payload.mass else ""
     return f"{arm.name}{carried}: {title_words(solution)}"
-
-
-def _words(solution: ad.Solution) -> dict[str, str]:
-    problem = solution.problem
-    arm = carried_words(problem.robot) | friction_words(problem.robot) | reserve_words(problem)
-    return arm | solution_words(solution, problem.wrap)
 
 
 def _show_contacts(error: ad.ContactError, name: str, results: ResultOptions) -> None:

@@ -7,16 +7,6 @@ from armdyn.cli.invocation import in_options
 from armdyn.reprs import joint_unit
 
 
-def solution_words(solution: ad.Solution, wrap: bool) -> dict[str, str]:
-    """A solution as `facts_table` shows it.
-
-    Args:
-        solution: of a minimum-time problem.
-        wrap: goals of endless joints were meant modulo 2π.
-    """
-    return _facts(solution) | _turns(solution, wrap)
-
-
 def title_words(solution: ad.Solution) -> str:
     """A solution as a figure's title shows it."""
     from armdyn.optimal.answer.words import verdict
@@ -28,13 +18,13 @@ def title_words(solution: ad.Solution) -> str:
     return f"{status}, best so far {solution.duration:.4f} s" if solution.moves else f"{status}, no motion to the goal"
 
 
-def _turns(solution: ad.Solution, wrap: bool) -> dict[str, str]:
+def _turns(solution: ad.Solution) -> dict[str, str]:
     """Turns of endless joints, where another way round was open or was taken."""
     import numpy as np
 
     from armdyn.optimal.problem.turns import endless
 
-    problem = solution.problem
+    problem, wrap = solution.problem, solution.problem.wrap
     away = (problem.x_goal - problem.x_start)[: problem.robot.nv]
     far = [
         f"{name} turns {angle:.4g} rad"
@@ -47,8 +37,8 @@ def _turns(solution: ad.Solution, wrap: bool) -> dict[str, str]:
     return {"way round": ", ".join(far) + hint} if far else {}
 
 
-def _facts(solution: ad.Solution) -> dict[str, str]:
-    """A solution in words."""
+def solution_words(solution: ad.Solution) -> dict[str, str]:
+    """A solution of a minimum-time problem as `facts_table` shows it."""
     from armdyn.optimal.answer.words import assessment, checks
 
     has_status = solution.success or not (solution.moves and solution.feasible)  # then the verdict has the message
@@ -76,7 +66,7 @@ def _facts(solution: ad.Solution) -> dict[str, str]:
     if (by := solution.sensitivities()) is not None:
         facts["payload"] = f"1 g more at the tip costs {by.payload_mass:.3g} ms"
     facts["solved in"] = f"{solution.solve_time:.1f} s, {solution.iterations} iterations"
-    return facts
+    return facts | _turns(solution)
 
 
 def _path_words(solution: ad.Solution) -> dict[str, str]:

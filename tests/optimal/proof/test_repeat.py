@@ -85,7 +85,7 @@ def test_an_unstable_motion_is_judged_by_its_segments_and_under_feedback():
     assert (
         "open loop the motion is unstable (growth" in solution.message and "under feedback it ends" in solution.message
     )
-    assert "under feedback" in " ".join(map(str, solution_words(solution, wrap=False).values()))
+    assert "under feedback" in " ".join(map(str, solution_words(solution).values()))
     said = minimum_time_summary(solution)["certificate"]
     assert said["replay"] == "segments" and said["growth"] == certificate.growth
     assert said["correction"] == certificate.correction and said["segment_error"] == certificate.segment_error
