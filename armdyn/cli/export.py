@@ -7,7 +7,6 @@ from inspect import signature
 from pathlib import Path
 
 import armdyn as ad
-from armdyn import models
 from armdyn.arguments import one_of, shown
 from armdyn.cli.console import NOT_USABLE, Answer, done, escape
 from armdyn.cli.invocation import flag_of
@@ -154,8 +153,22 @@ class ModelOptions:
         Raises:
             ArmdynError: the arm cannot be read, or another one moved.
         """
-        arm = models.robots_of(_arm(file, self.robot, self.part), motion)[0]
-        return ad.mujoco_model(arm, samples, geometry=self.geometry, motors=motors, feedback=self.feedback)
+        from armdyn.cli.reports.saved import read_saved
+        from armdyn.cli.reports.subject import SubjectSpec, subject_of
+        from armdyn.models.robots.loads import is_motion_of, robots_of
+
+        saved = read_saved(file)
+        arm = subject_of(saved, SubjectSpec(robot=self.robot, part=self.part)).robot
+        if arm is None:
+            raise ProblemError(f"--model: the arm of {file} was not found; give --robot")
+        if saved.motion.model_hashes and not is_motion_of(arm, saved.motion):
+            raise ProblemError(
+                f"--model: {file} is a motion of another arm, payload or friction than {arm.name}; its result's folder "
+                "knows which, or name the robot with the --lock, --arm and --tool of its run"
+            )
+        return ad.mujoco_model(
+            robots_of(arm, motion)[0], samples, geometry=self.geometry, motors=motors, feedback=self.feedback
+        )
 
 
 def export(
@@ -260,28 +273,6 @@ def check_samples(preset: ad.ControllerPreset, samples: ad.Samples, acceleration
     return preset.check(
         ad.Trajectory(samples.t, samples.q, samples.v, samples.tau, samples.joint_names, hold="zero-order")
     )
-
-
-def _arm(file: Path, robot: str | None, part: PartOptions) -> ad.Robot:
-    """Arm of the exported motion: from the result next to the file, or from the options.
-
-    Raises:
-        ArmdynError: it is not at hand, or another one moved.
-    """
-    from armdyn.cli.reports.saved import read_saved
-    from armdyn.cli.reports.subject import SubjectSpec, subject_of
-    from armdyn.models.robots.loads import is_motion_of
-
-    saved = read_saved(file)
-    arm = subject_of(saved, SubjectSpec(robot=robot, part=part)).robot
-    if arm is None:
-        raise ProblemError(f"--model: the arm of {file} was not found; give --robot")
-    if saved.motion.model_hashes and not is_motion_of(arm, saved.motion):
-        raise ProblemError(
-            f"--model: {file} is a motion of another arm, payload or friction than {arm.name}; its result's folder "
-            "knows which, or name the robot with the --lock, --arm and --tool of its run"
-        )
-    return arm
 
 
 def usual_rate(kind: type[OutputFormat]) -> float:
