@@ -227,9 +227,10 @@ def _begin(connection: sqlite3.Connection, path: Path, description: Mapping[str,
         if not replace:
             listed = [one for one in different if not one.startswith("places ")] or different  # places are a checksum
             more = f"; and {len(listed) - _SHOWN} more" if len(listed) > _SHOWN else ""
+            older = any(there.get(name) != here.get(name) for name in ("format", "armdyn"))
+            remedy = "Choose" if older else "Repeat that one, or choose"
             raise ResultError(
-                f"{path} has the rows of another study: {'; '.join(listed[:_SHOWN])}{more}. Repeat that one, or choose "
-                "another `file`"
+                f"{path} has the rows of another study: {'; '.join(listed[:_SHOWN])}{more}. {remedy} another `file`"
             )
     with connection:
         connection.execute("BEGIN IMMEDIATE")

@@ -4,10 +4,12 @@ import os
 import signal
 import subprocess
 import time
+from unittest.mock import Mock
 
 import pytest
 
 from armdyn.cli.sweeps.study import _left
+from armdyn.show.figures import sweeps as figures
 from armdyn.studies.rows import read_rows
 from armdyn.studies.tables import study_table
 from cli.command import COMMAND, answer, run_here, run_json
@@ -30,7 +32,7 @@ def study(tmp_path):
 
 
 @pytest.mark.slow
-def test_rows_tables_and_figures(study, tmp_path):
+def test_rows_tables_and_figures(study, tmp_path, monkeypatch):
     output = answer(run_here("sweep", study, "--parquet", "--json", cwd=tmp_path))
     assert output["status"] == "done" and output["done"] == output["cases"] == output["done_here"] == 6
     folder = tmp_path / "results" / "sweep-payloads"
@@ -42,6 +44,10 @@ def test_rows_tables_and_figures(study, tmp_path):
     assert all(row["certified"] for row in rows)
     again = run_here("sweep", study, "--no-figure", cwd=tmp_path)
     assert again.returncode == 0 and "6 of 6: 6 usable" in again.stdout and "0 rows in" in again.stdout
+    monkeypatch.setattr(figures, "figures_of", Mock(side_effect=KeyboardInterrupt))
+    pressed = run_here("sweep", study, cwd=tmp_path)
+    assert pressed.returncode == 130
+    assert " ".join(pressed.stderr.split()) == "armdyn: interrupted; finished rows are in results/sweep-payloads"
 
 
 def test_a_refused_case_is_reported(study, tmp_path):

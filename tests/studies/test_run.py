@@ -123,9 +123,15 @@ def test_a_case_has_no_second_row(tmp_path):
 def test_another_study_is_refused_with_the_differences(tmp_path):
     run_study(squares(3), tmp_path / "s.sqlite", TWO)
     with pytest.raises(
-        ResultError, match=r"vary\.x\.values is \[0\.0, 1\.0, 2\.0\] there and \[0\.0, 1\.0, 2\.0, 3\.0"
+        ResultError, match=r"vary\.x\.values is \[0\.0, 1\.0, 2\.0\] there and \[0\.0, 1\.0, 2\.0, 3\.0.*Repeat that"
     ):
         run_study(squares(4), tmp_path / "s.sqlite", TWO)
+    older = {**squares(3).description(), "format": "armdyn-sweep-0"}
+    with (
+        pytest.raises(ResultError, match=r"format is \"armdyn-sweep-1\" there .* here\. Choose another `file`"),
+        row_store(tmp_path / "s.sqlite", lambda: older),
+    ):
+        pass  # rows of another format cannot be repeated by this version
     assert len(rows_of(tmp_path / "s.sqlite")) == 3
 
 

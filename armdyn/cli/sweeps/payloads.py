@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import armdyn as ad
+from armdyn.cli import interrupts
 from armdyn.cli.console import Answer, Shown, escape, interrupted, judged, table, working
 from armdyn.cli.invocation import in_options
 from armdyn.cli.motion.require import missing_of
@@ -57,6 +58,7 @@ def run_payloads(
         status = _status(found, len(problems))
         if not found:
             return interrupted()
+        interrupts.saved(f"finished rows are in {folder}")
         rows = [_line(row) for row in found]
         figure = figure and status != "interrupted"  # after Ctrl-C the user does not wait for it
         progress("writing the table and the figure" if figure else "writing the table")

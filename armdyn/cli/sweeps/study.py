@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import armdyn as ad
+from armdyn.cli import interrupts
 from armdyn.cli.console import Answer, facts_table, judged, progress_bar
 from armdyn.cli.options.groups import flag, group, option
 from armdyn.cli.options.results import NO_FIGURE, OutputOptions
@@ -80,6 +81,7 @@ def run_file(path: str, options: StudyOptions, results: SweepResults) -> Answer:
     names = ["rows.csv", *(["rows.parquet"] if options.parquet else []), *figures]
     folder = results.output.folder("sweep", path, [ROWS, *names])
     folder.mkdir(parents=True, exist_ok=True)
+    interrupts.saved(f"finished rows are in {folder}")
     with progress_bar(Path(path).name, len(study)) as bar:
 
         def report(now: Progress) -> None:

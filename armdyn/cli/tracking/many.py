@@ -8,6 +8,7 @@ from typing import Annotated, TypeAlias
 
 import armdyn as ad
 from armdyn.arguments import number as checked
+from armdyn.cli import interrupts
 from armdyn.cli.console import Answer, facts_table, interrupted, judged, working
 from armdyn.cli.options.groups import TASK, Part, flag, group, option
 from armdyn.cli.options.results import NO_FIGURE, OutputOptions
@@ -122,6 +123,7 @@ def monte_carlo(
         if isinstance(motion, ad.Solution):
             return no_motion(motion)
         folder.mkdir(parents=True, exist_ok=True)
+        interrupts.saved(f"finished rows are in {folder}")
         found = ad.monte_carlo(model, motion, law, plants, joined, options, folder / ROWS, progress)
         if found.interrupted:
             return interrupted(f"interrupted; {len(found.rows)} rows are in {folder / ROWS}")
