@@ -19,8 +19,9 @@ from armdyn.models.reading import meshes
 from armdyn.show import replay, visuals
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.motions import ShownMotion
+from armdyn.show.page.scene import scene_data
 from armdyn.show.page.verdict import verdict_of
-from problems import paper_arm, solved
+from problems import GANTRY, paper_arm, solved
 from show.browser import left_the_page, open_page, screenshot, seek
 from show.motions import HANGING, RAISED, quintic
 from show.page.runs import FACTS
@@ -64,6 +65,12 @@ def tip_of(robot, q):
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, robot.configuration(q))
     return data.oMf[robot.model.getFrameId(robot.tip)].translation
+
+
+def test_the_scene_of_joints_that_slide_is_as_large_as_their_way():
+    robot = ad.Robot.from_urdf_string(GANTRY)
+    motions = [quintic(robot, [0.0, 0.0], goal, 1.0) for goal in ([0.3, -0.5], [-0.8, 0.1])]
+    assert scene_data(robot, motions)["reach"] == pytest.approx(0.8 + 0.5)
 
 
 @pytest.mark.slow

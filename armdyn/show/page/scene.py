@@ -82,7 +82,7 @@ def scene_data(
         "points": [(one.name, int(one.parentJoint), one.placement.translation.tolist()) for one in robot.model.frames],
         "tip": robot.tip,
         "planar": is_planar(robot),
-        "reach": reach_of(robot),
+        "reach": reach_of(robot, np.concatenate([trajectory.q for trajectory in trajectories])),
         "speed": speed,
         "commands": [command for name, one in shapes.items() for command in _commands(name, one)],
         "marks": list(marks),
@@ -188,11 +188,17 @@ def joint_poses(robot: Robot, q: Array) -> tuple[Array, Array]:
     return poses, tips
 
 
-def reach_of(robot: Robot) -> float:
-    """Upper bound of the distance from base to tip [m]."""
+def reach_of(robot: Robot, q: Array) -> float:
+    """Upper bound of the distance from base to tip [m].
+
+    Args:
+        robot: the robot.
+        q: joint positions that it takes [rad or m], shape (n, nv).
+    """
     tip = robot.frame(robot.tip)
     steps = [*list(robot.model.jointPlacements)[1:], tip.placement]
-    return max(sum(float(np.linalg.norm(step.translation)) for step in steps), 1e-3)
+    travel = float(np.max(np.abs(q[:, robot.slides]), axis=0).sum())
+    return max(travel + sum(float(np.linalg.norm(step.translation)) for step in steps), 1e-3)
 
 
 def is_planar(robot: Robot) -> bool:

@@ -77,8 +77,9 @@ class SceneView:
 
     def __init__(self, scene: SceneApi, session: Session):
         self._scene, self._session = scene, session
-        self.reach = reach_of(session.robot)
         robot = session.robot
+        ends = np.array([robot.limits.position_lower, robot.limits.position_upper])
+        self.reach = reach_of(robot, np.where(np.isfinite(ends), ends, 0.0))
         self.planar = is_planar(robot)
         self._frames = [scene.add_frame(f"/arm/joint{j}", show_axes=False) for j in range(1, robot.model.njoints)]
         self._ghosts: list[tuple[VisualShape, Any]] = []

@@ -169,7 +169,7 @@ def test_a_motion_follows_the_keyboard(chromium, url):
 
 def test_the_gizmo_is_dragged_by_the_mouse(chromium, url):
     robot = paper_arm("rr", 0.0)
-    reach = reach_of(robot)
+    reach = reach_of(robot, np.zeros((1, 2)))
     with browser(chromium) as opened:
         page = opened(url)
         set_goal(page, [0.2, 0.9])
