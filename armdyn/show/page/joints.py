@@ -134,7 +134,7 @@ def comparison_section(rows: Sequence[Compared]) -> Section | None:
     """Several motions side by side; empty for one motion."""
     if len(rows) < 2:
         return None
-    heads = ("motion", "arrival", "against the first", "recorded", "work", "peak speed", "peak torque", "verdict")
+    heads = ("motion", "arrival", "against the first", "recorded", "work", "peak speed", "peak torque", "<verdict")
     body = []
     for k, one in enumerate(rows):
         times = [seconds(one.there), "–" if k == 0 else _later(one), seconds(one.duration)]

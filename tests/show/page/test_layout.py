@@ -51,7 +51,7 @@ def reports(tmp_path_factory):
     facts |= {"duration": 0.239}
     moves = (
         ShownMotion("minimum time", fast, Facts(facts)),
-        ShownMotion("tracked", slow, Facts({"peak_error": 0.1, "settled_time": 0.3})),
+        ShownMotion("planned", slow, Facts({"optimal_duration": 0.2, "ratio": 4.177, "feasible": True})),
     )
     folder = tmp_path_factory.mktemp("reports")
     for name, some in (("one", moves[:1]), ("two", moves)):
