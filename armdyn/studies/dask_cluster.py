@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import queue
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
@@ -76,6 +75,8 @@ _RECONNECT = 30.0
 """For a connection to the scheduler that has broken to be made again, which Dask does by itself [s]."""
 _BREAKS = 10_000
 """Batches in a row that were lost so, at most: as many as the largest cluster has at once."""
+_POLL = 0.01
+"""Polling period of the batches under way [s]: each takes a second or so."""
 _CHECK_INTERVAL = 2.0
 """Polling period for new workers [s]."""
 _LOST_AFTER = 180.0
@@ -117,7 +118,6 @@ class DaskCluster:
         self._suspects: deque[StudyCase] = deque()
         self._alone, self._broken = False, 0
         self._deaths: dict[int, int] = {}
-        self._done: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._overdue: dict[str, int] = {}
         self._batch, self._submitted = BatchSize(), 0
         self._size = max(_threads(client), 1)
@@ -140,7 +140,6 @@ class DaskCluster:
         self._submitted += 1
         future = self._client.submit(_do, self._task, tuple(cases), 2 * target(self._size), key=key, pure=False)
         self._under_way[key] = tuple(cases), future
-        future.add_done_callback(lambda done: self._done.put(done.key))
 
     def ended(self, seconds: float) -> list[Ended]:
         """Wait for reports.
@@ -153,18 +152,16 @@ class DaskCluster:
             self._alone = bool(self._suspects)
             if self._alone:
                 self.give([self._suspects.popleft()])
-        for key in self._overdue:
-            if self._under_way[key][1].status in ("finished", "error", "cancelled"):
-                self._done.put(key)
-        try:
-            key = self._done.get(timeout=seconds)
-        except queue.Empty:
-            self._check_workers()
-            return []
+        until = time.monotonic() + seconds
+        while not (ended := [key for key, (_, future) in self._under_way.items() if future.done()]):
+            if time.monotonic() > until:
+                self._check_workers()
+                return []
+            time.sleep(_POLL)
         self._without_workers = 0.0
         if time.monotonic() - self._checked > _CHECK_INTERVAL:
             self._check_workers()
-        while True:
+        for key in ended:
             cases, future = self._under_way[key]
             try:
                 found += self._read(cases, future, _FETCHES[self._overdue.get(key, 0)])
@@ -173,10 +170,7 @@ class DaskCluster:
                 future.release()
             except TimeoutError:  # fetched again, less often each time
                 self._overdue[key] = min(self._overdue.get(key, -1) + 1, len(_FETCHES) - 1)
-            try:
-                key = self._done.get_nowait()
-            except queue.Empty:
-                return found
+        return found
 
     def _check_workers(self) -> None:
         """Update the number of workers.
