@@ -18,7 +18,7 @@ from armdyn.studies.rows import Value
 from armdyn.studies.settings import check_setting
 from armdyn.studies.study import MAX_AXES, METHODS, Axis, Study
 from armdyn.studies.tasks.cycle import CycleTask
-from armdyn.studies.tasks.registry import TASKS
+from armdyn.studies.tasks.registry import TASKS, section_of
 from armdyn.studies.tasks.task import StudyTask
 
 Check = Callable[[str, Any], Value]
@@ -43,11 +43,10 @@ def read_study(path: str | os.PathLike[str]) -> Study:
         ArmdynError: an arm cannot be read.
     """
     table = without_files(read_toml(path))
-    sections = {task.section: name for name, task in TASKS.items()}
-    only_tables(table, ("task", "arms", "fixed", "vary", "sample", *sections))
+    only_tables(table, ("task", "arms", "fixed", "vary", "sample", *map(section_of, TASKS)))
     kind: Any = TASKS[table.text("task", "minimum-time", tuple(TASKS))]
-    for section, name in sections.items():
-        if section in table.values and section != kind.section:
+    for name, section in ((name, section_of(name)) for name in TASKS):
+        if section in table.values and name != kind.name:
             raise table.error(section, f"[{section}] is for task = {name!r}; this study's is {kind.name!r}")
     if kind is CycleTask:
         return _cycle_study(table)
@@ -68,13 +67,14 @@ def read_study(path: str | os.PathLike[str]) -> Study:
         axes.insert(0, Axis(name=ARM, values=tuple(arm.name for arm in arms)))
     if both := [axis.name for axis in axes if axis.name in fixed]:
         raise table.error("fixed", f"{both[0]} is both fixed and varied")
-    return _study(table, kind.read(table.table(kind.section), ArmProblems(arms=arms, fixed=fixed), where), axes)
+    options, problems = table.table(section_of(kind.name)), ArmProblems(arms=arms, fixed=fixed)
+    return _study(table, kind.read(options, problems, where), axes)
 
 
 def _cycle_study(table: Table) -> Study:
     """A study of a cycle file."""
-    table.only(("task", "vary", "sample", CycleTask.section))
-    task = CycleTask.read(table.table(CycleTask.section))
+    table.only(("task", "vary", "sample", CycleTask.name))
+    task = CycleTask.read(table.table(CycleTask.name))
     settings = _flat(table.table("vary"), None)
     return _study(table, task, [_axis(own, name, value, task.checked) for own, name, value in settings])
 

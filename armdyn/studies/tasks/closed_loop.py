@@ -45,7 +45,6 @@ class ClosedLoopTask(Checked):
     """
 
     name: ClassVar[str]
-    section: ClassVar[str]
     signs: ClassVar = SIGNS | {
         **{name: sign for kind in CONTROLLERS.values() for name, sign in kind.settings.items()},
         "ramp": "positive", "rate": "positive", "delay": "not negative", "cutoff": "positive", "noise": "not negative",

@@ -32,7 +32,6 @@ class CycleTask:
     """
 
     name: ClassVar = "cycle"
-    section: ClassVar = "cycle"
     outcomes: ClassVar = ("duration_s", "torque_squared")
     neighbours: ClassVar[Neighbours] = "off"
 

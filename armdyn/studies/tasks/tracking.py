@@ -27,7 +27,6 @@ class TrackTask(ClosedLoopTask):
     """Tracking by one arm; settings "plant_…" change it against the controller's model."""
 
     name: ClassVar = "track"
-    section: ClassVar = "track"
     signs: ClassVar = ClosedLoopTask.signs | dict.fromkeys(
         ("plant_payload", "plant_damping", "plant_friction"), "not negative"
     )
@@ -57,7 +56,6 @@ class MonteCarloTask(ClosedLoopTask):
     """
 
     name: ClassVar = "monte-carlo"
-    section: ClassVar = "monte-carlo"
     outcomes: ClassVar = ("worst_settled_time_s", "success_rate")
     own: ClassVar = (*ClosedLoopTask.own, "plants", "count", "within")
 
@@ -97,7 +95,6 @@ class TuneTask(ClosedLoopTask):
     """
 
     name: ClassVar = "tune"
-    section: ClassVar = "tune"
     outcomes: ClassVar = ("settled_time_s", "overshoot")
     own: ClassVar = (*ClosedLoopTask.own, "plants", "ramp_range", "options")
 
@@ -160,7 +157,6 @@ class ReserveTask(ClosedLoopTask):
     """
 
     name: ClassVar = "reserve"
-    section: ClassVar = "reserve"
     outcomes: ClassVar = ("settled_time_s", "duration_s")
     own: ClassVar = ("controller", "form", "duration", "reserves")
 
