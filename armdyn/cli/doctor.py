@@ -178,7 +178,7 @@ def _remarks(robot: ad.Robot, joints: list[Facts]) -> list[str]:
             j for j in joints if j["effort_upper"] is None
         ],
         "no motor: other joints swing it": [j for j in joints if j["passive"]],
-        "friction that the URDF has is applied": [j for j in joints if j["damping_applied"] or j["friction_applied"]],
+        "friction is applied": [j for j in joints if j["damping_applied"] or j["friction_applied"]],
         "friction that the URDF has is not applied: --damping urdf --friction urdf of mintime and pid take it": [
             j
             for j in joints

@@ -92,7 +92,7 @@ def _proposals(found: models.UrdfRepair) -> list[str]:
         lines.append(f"package {name!r} {there}{option}")
     if found.lock:
         locks = " ".join(f"--lock {name}={q:g}" for name, q in found.lock.items())
-        lines.append(f"joints of a gripper: {locks}")
+        lines.append(f"joints of a gripper, or that others mimic: {locks}")
     if found.arm:
         lines.append(f"several chains move; the longest: --arm {','.join(found.arm)}")
     lines += [f"tip: {found.tip}"] if found.tip else []

@@ -42,7 +42,7 @@ class UrdfRepair:
         text: its text with physical inertias, marked as repaired; the file's own text where nothing was to be changed.
         inertias: the changed ones.
         packages: of each `package://` of its meshes the folder that has it, None where none was found.
-        lock: positions at which to lock the joints of a gripper, by the joints' names [rad or m].
+        lock: positions at which to lock joints of a gripper, or that others mimic, by the joints' names [rad or m].
         arm: first and last joint of the longest chain where the others branch; None: they are one chain.
         tip: the arm's end, with these joints locked; empty where the URDF is refused.
         without_effort: joints without a torque limit, to the largest torque that holds them still in 1000 random
@@ -119,7 +119,7 @@ def _link(joint: Element, tag: str) -> str:
 
 
 def _gripping(root: Element) -> dict[str, float]:
-    """Joints of a gripper to the positions to lock them at: zero, or the bound nearest to it [rad or m].
+    """Joints of a gripper, or that others mimic, to lock at zero, or at the bound nearest to it [rad or m].
 
     They have such a name, lead a joint that mimics them, or share a link with another finger, with no joint behind.
     """
