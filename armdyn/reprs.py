@@ -64,6 +64,18 @@ def joint_unit(slides: Iterable[object], turning: str = "rad", sliding: str = "m
     return units.pop() if len(units) == 1 else f"{turning} or {sliding}"
 
 
+def more_payload(per_gram: float, duration: float) -> tuple[str, float]:
+    """More payload in words, of a mass that changes a duration by 1 % at most, and its cost [ms].
+
+    Args:
+        per_gram: derivative of the duration by the mass [ms/g].
+        duration: the duration [s].
+    """
+    size = math.log(10 * duration, 1000) - math.log(abs(per_gram), 1000) if per_gram and duration > 0 else 0.0
+    k = math.floor(min(max(size, -2), 2))
+    return f"1 {('µg', 'mg', 'g', 'kg', 't')[k + 2]} more at the tip", 1000.0**k * per_gram
+
+
 def percent(part: float) -> str:
     """A fraction as text in percent, three digits, rounded up so that an upper bound stays true."""
     if not part or not math.isfinite(part):

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import armdyn as ad
-from armdyn.reprs import MOST_LETTERS, brief, called, joint_unit, line_of, percent, several_numbers
+from armdyn.reprs import MOST_LETTERS, brief, called, joint_unit, line_of, more_payload, percent, several_numbers
 from problems import POSES
 
 SIMPLE = {"float", "int", "str", "bool", "Literal", "None", "NoneType", "tuple", "Form", "Status"}
@@ -147,6 +147,23 @@ def test_signatures_have_nothing_of_the_insides_of_numpy(name, value):
 )
 def test_per_cent_are_rounded_up(part, said):
     assert percent(part) == said
+
+
+@pytest.mark.parametrize(
+    ("per_gram", "duration", "said"),
+    [
+        (0.35, 0.21, "1 g"),
+        (22.3, 0.045, "1 mg"),
+        (3.24e-5, 1.33, "1 kg"),
+        (-0.35, 0.21, "1 g"),
+        (0.0, 0.3, "1 g"),
+        (1e-300, -1.0, "1 g"),
+    ],
+)
+def test_more_payload_is_little_for_the_arm(per_gram, duration, said):
+    more, cost = more_payload(per_gram, duration)
+    assert more == f"{said} more at the tip" and abs(cost) <= 10 * abs(duration)
+    assert cost == pytest.approx(per_gram * {"1 mg": 1e-3, "1 g": 1, "1 kg": 1e3}[said])
 
 
 @pytest.mark.parametrize(("slides", "unit"), [([0, 0], "rad"), ([True], "m"), ([1, 0], "rad or m"), ([], "rad or m")])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import armdyn as ad
 from armdyn.cli.invocation import in_options
-from armdyn.reprs import joint_unit
+from armdyn.reprs import joint_unit, more_payload
 
 
 def title_words(solution: ad.Solution) -> str:
@@ -64,7 +64,8 @@ def solution_words(solution: ad.Solution) -> dict[str, str]:
     if solution.calm and solution.moves:
         facts["calm joints"] = f"take {1000 * solution.calm:.2g} ms of it; --calm 0 is the fastest"
     if (by := solution.sensitivities()) is not None:
-        facts["payload"] = f"1 g more at the tip costs {by.payload_mass:.3g} ms"
+        more, cost = more_payload(by.payload_mass, solution.duration)
+        facts["payload"] = f"{more} costs {cost:.3g} ms"
     facts["solved in"] = f"{solution.solve_time:.1f} s, {solution.iterations} iterations"
     return facts | _turns(solution)
 

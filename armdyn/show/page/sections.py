@@ -6,6 +6,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from armdyn.reprs import more_payload
 from armdyn.show.markup import Html, element, join, table
 from armdyn.show.page.facts import Facts, as_number
 from armdyn.show.page.verdict import Verdict, seconds
@@ -110,8 +111,8 @@ def sensitivity_section(facts: Facts, joints: Sequence[str]) -> Section | None:
         [name, *("–" if x is None else "0" if x == 0 else f"{1e3 * x:+.3g}" for x in values)]
         for name, *values in zip(joints, *signed, strict=True)
     ]
-    gram = by.number("payload_mass") or 0.0
-    text = f"1 g more at the tip costs {gram:.3g} ms. One N m (or N) more torque, one rad/s (or m/s) more speed, in ms:"
+    more, cost = more_payload(by.number("payload_mass") or 0.0, facts.number("duration") or 0.0)
+    text = f"{more} costs {cost:.3g} ms. One N m (or N) more torque, one rad/s (or m/s) more speed, in ms:"
     return Section("sensitivities", "Sensitivities", join([element("p", text), stacked(heads, rows)]))
 
 

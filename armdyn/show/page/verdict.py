@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from armdyn.reprs import USELESS_GAP, joint_unit, percent
+from armdyn.reprs import USELESS_GAP, joint_unit, more_payload, percent
 from armdyn.show.page.facts import Facts
 
 Level = Literal["good", "fair", "bad", "none"]
@@ -77,7 +77,8 @@ def tiles_of(facts: Facts, duration: float, sliding: Sequence[bool]) -> list[Til
             tiles.append(Tile("above the lower bound", f"≤ {percent(max(gap, 0.0))}", sure))
         tiles += _deciding(facts)
         if (gram := facts.part("sensitivities").number("payload_mass")) is not None:
-            tiles.append(Tile("1 g more at the tip", f"{gram:+.3g} ms"))
+            more, cost = more_payload(gram, duration)
+            tiles.append(Tile(more, f"{cost:+.3g} ms"))
         near = facts.part("clearance")
         if (distance := near.number("distance")) is not None:
             where = f"{near.text('body')} to {near.text('other')} at {seconds(near.number('time'))}"
