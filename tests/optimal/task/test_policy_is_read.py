@@ -94,13 +94,6 @@ def posed(arm, **more):
     )
 
 
-CARRIED = ad.MinimumTimeProblem(
-    paper_arm("rrr", 0.2685543656666321),
-    q_start=[1.3538952218800082, -2.962781719364377, 0.5902218077250847],
-    q_goal=[0.2689775131611496, -2.8568124099531347, 1.4650162520040144],
-)
-"""Another joint's torque holds a joint on its position limit."""
-
 INSIDE = {"position_limit": ([-2.0, -0.3], [1.0, 0.3])}
 BALL = ad.Sphere((0.3, 0.0, -0.1), 0.05)
 
@@ -117,7 +110,17 @@ SOLVES = {
         [("smooth", {"refined": 1000, "dropped": 100.0}), ("same", {"coarse_cost": 0.0})],
         starts=2,
     ),
-    "time and energy": lambda: noted(paper_problem("rr", 1.0, effort_weight=1.0), starts=2),
+    "time and energy, with a position limit that is touched": lambda: noted(
+        ad.MinimumTimeProblem(
+            paper_arm("r"), q_start=[0], v_start=[3], q_goal=[-0.5], effort_weight=1.0, position_limit=([-2], [0.035])
+        ),
+        starts=1,
+    ),
+    "time and energy, with meshes that are too coarse": lambda: noted(
+        between("r", effort_weight=1.0, velocity_limit=8.0),
+        [("arcs", {"samples": 12}), ("smooth", {"fine": 6, "rough": 1e-9})],
+        starts=1,
+    ),
     "a fine mesh for time and energy": lambda: noted(
         between("rr", effort_weight=1.0, effort_limit=30.0), [("smooth", {"settled": 1e-12})], starts=2
     ),
@@ -165,12 +168,17 @@ SOLVES = {
     "changes of optima": lambda: noted(paper_problem("rrr", 0.1505), starts=16),
     "contacts": lambda: noted(random_problem(53), starts=40),
     "contacts that are too weak": lambda: noted(random_problem(68), starts=40),
-    "contacts that another joint holds": lambda: noted(CARRIED, starts=6),
+    "an extremal that is as flat as can be": lambda: noted(between("rr"), [("descent", {"flat": 0.0})], starts=1),
     "a search that is done again": lambda: noted(between("rr"), [("search", {"too_coarse": 0.5})], starts=2),
     "a ball in the way, with steps that are not taken at once": lambda: noted(
         between("rr", obstacles=[ad.Sphere((0.3, 0, -0.1), 0.04)]), [("sequential", {"eager": 0})], starts=1
     ),
-    "a pose": lambda: noted(posed("rrr"), starts=2),
+    "a pose": lambda: noted(
+        ad.MinimumTimeProblem(
+            paper_arm("rr"), q_start=POSES["rr"][0], goal_pose=ad.GoalPose("tip", [0.35, 0, 0.3], free=("z",))
+        ),
+        starts=1,
+    ),
 }
 """Tasks of a fraction of a second to two seconds."""
 
