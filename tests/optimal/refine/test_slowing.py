@@ -40,16 +40,19 @@ def peaks(robot, motion):
     """
     pin, n = PinDynamics(robot), robot.nv
     x, found = np.concatenate([motion.q[0], motion.v[0]]), np.zeros((3, n))
+    rubs = np.any(robot.friction.per_joint(n))
     for k in np.flatnonzero(~motion.jumps):
         start, end = motion.t[k : k + 2]
         slope = (motion.tau[k + 1] - motion.tau[k]) / (end - start)
 
         def rate(t, x, k=k, start=start, slope=slope):
-            tau = motion.tau[k] + (t - start) * slope - robot.friction.torque(x[n:])
+            tau = motion.tau[k] + (t - start) * slope
+            if rubs:
+                tau -= robot.friction.torque(x[n:])
             return np.concatenate([x[n:], pin.aba(x[:n], x[n:], tau)])
 
         t = start + (end - start) * np.array([0, 0.05, 0.5, 0.95, 1])
-        run = solve_ivp(rate, (start, end), x, method="DOP853", t_eval=t, rtol=1e-12, atol=1e-14)
+        run = solve_ivp(rate, (start, end), x, "DOP853", t, first_step=end - start, rtol=1e-12, atol=1e-14)
         a = np.array([rate(*each)[n:] for each in zip(t, run.y.T, strict=True)])
         jerks = np.diff(a, axis=0) / np.diff(t)[:, None]
         sizes = (np.max(np.abs(each), axis=0) for each in (run.y[n:].T, a, jerks))
