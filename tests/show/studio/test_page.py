@@ -136,74 +136,71 @@ def set_goal(page, wanted):
     until_goal(page, wanted)
 
 
-@pytest.fixture(scope="module")
-def url(tmp_path_factory):
-    """Of a studio that several tests look at, each with a goal of its own: to start one takes two seconds."""
-    with served(tmp_path_factory.mktemp("studio")) as (_, said):
-        yield said["url"]
-
-
 def plain_duration(q_goal, **arguments):
     robot = paper_arm("rr", 0.0)
     problem = ad.MinimumTimeProblem(robot, q_start=POSES["rr"][0], q_goal=q_goal, **arguments)
     return ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick")).duration
 
 
-def test_a_motion_follows_the_keyboard(chromium, url):
-    with browser(chromium) as opened:
-        page = opened(url)
-        set_goal(page, POSES["rr"][1])
-        page.wait_for_timeout(300)
-        assert float(fields(page, "joint1").input_value()) == pytest.approx(POSES["rr"][1][0], abs=1e-6)  # as typed
-        page.get_by_role("slider").nth(1).focus()
-        for _ in range(5):
-            page.keyboard.press("ArrowRight")
-        wanted = [POSES["rr"][1][0] + 5e-3, POSES["rr"][1][1]]
-        until_goal(page, wanted, within=1e-3)  # a slider's step
-        page.wait_for_timeout(300)
-        assert duration(page) == pytest.approx(plain_duration(goal(page)), abs=1e-4)
-        page.get_by_role("tab", name="Goal").focus()
+def test_the_keyboard_the_mouse_and_two_browsers(chromium, tmp_path):
+    """Of one studio: to start it, and to open a page, takes seconds."""
+    with served(tmp_path) as (_, said), browser(chromium) as opened:
+        desktop = opened(said["url"])
+        the_gizmo_is_dragged_by_the_mouse(desktop)
+        both_show_the_same(desktop, phone := opened(said["url"], PHONE))
+        phone.close()
+        a_motion_follows_the_keyboard(desktop)
+
+
+def a_motion_follows_the_keyboard(page):
+    set_goal(page, POSES["rr"][1])
+    page.wait_for_timeout(300)
+    assert float(fields(page, "joint1").input_value()) == pytest.approx(POSES["rr"][1][0], abs=1e-6)  # as typed
+    page.get_by_role("slider").nth(1).focus()
+    for _ in range(5):
         page.keyboard.press("ArrowRight")
-        assert page.get_by_role("tab", name="Start").get_attribute("aria-selected") == "true"
+    wanted = [POSES["rr"][1][0] + 5e-3, POSES["rr"][1][1]]
+    until_goal(page, wanted, within=1e-3)  # a slider's step
+    page.wait_for_timeout(300)
+    assert duration(page) == pytest.approx(plain_duration(goal(page)), abs=1e-4)
+    page.get_by_role("tab", name="Goal").focus()
+    page.keyboard.press("ArrowRight")
+    assert page.get_by_role("tab", name="Start").get_attribute("aria-selected") == "true"
 
 
-def test_the_gizmo_is_dragged_by_the_mouse(chromium, url):
+def the_gizmo_is_dragged_by_the_mouse(page):
     robot = paper_arm("rr", 0.0)
     reach = reach_of(robot, np.zeros((1, 2)))
-    with browser(chromium) as opened:
-        page = opened(url)
-        set_goal(page, [0.2, 0.9])
-        page.wait_for_timeout(2000)  # until its scene stands
-        tip = frame_placement(robot, robot.tip, np.array([0.2, 0.9]))
-        along = tip.rotation[:, 2]
-        eye = np.array([0, -1.9, 0.2]) * reach
-        begin, end = (pixel_of(tip.translation + x * reach * along, eye, np.zeros(3), DESKTOP) for x in (0.12, 0.02))
-        drag(page, begin, end)
-        wait_until(page, "Math.abs(document.querySelectorAll('[role=slider]')[2].ariaValueNow - 0.9) > 1e-3")
-        page.wait_for_timeout(500)
-        moved = frame_placement(robot, robot.tip, np.array(goal(page))).translation - tip.translation
-        # A tenth of the reach against the arrow's direction, as exact as pixels and the arrow's perspective are.
-        np.testing.assert_allclose(moved, -0.1 * reach * along, atol=0.02 * reach)
+    set_goal(page, [0.2, 0.9])
+    page.wait_for_timeout(2000)  # until its scene stands
+    tip = frame_placement(robot, robot.tip, np.array([0.2, 0.9]))
+    along = tip.rotation[:, 2]
+    eye = np.array([0, -1.9, 0.2]) * reach
+    begin, end = (pixel_of(tip.translation + x * reach * along, eye, np.zeros(3), DESKTOP) for x in (0.12, 0.02))
+    drag(page, begin, end)
+    wait_until(page, "Math.abs(document.querySelectorAll('[role=slider]')[2].ariaValueNow - 0.9) > 1e-3")
+    page.wait_for_timeout(500)
+    moved = frame_placement(robot, robot.tip, np.array(goal(page))).translation - tip.translation
+    # A tenth of the reach against the arrow's direction, as exact as pixels and the arrow's perspective are.
+    np.testing.assert_allclose(moved, -0.1 * reach * along, atol=0.02 * reach)
 
 
-def test_two_browsers_show_the_same_one_of_them_a_phone(chromium, url):
-    with browser(chromium) as opened:
-        desktop, phone = opened(url), opened(url, PHONE)
-        set_goal(desktop, POSES["rr"][1])
-        until_goal(phone, POSES["rr"][1])
-        slider = phone.get_by_role("slider").nth(2)
-        slider.focus()
-        phone.keyboard.press("ArrowLeft")
-        until_goal(desktop, goal(phone))
-        assert goal(phone)[1] != pytest.approx(POSES["rr"][1][1], abs=1e-6)
-        assert duration(desktop) == duration(phone)
-        for role, name in (("button", "Pause"), ("tab", "Limits"), ("button", "Problem (TOML)")):
-            one = phone.get_by_role(role, name=name)
-            one.scroll_into_view_if_needed()
-            box = one.bounding_box()
-            assert box["x"] >= 0
-            assert box["x"] + box["width"] <= PHONE["width"]
-        assert phone.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+def both_show_the_same(desktop, phone):
+    set_goal(desktop, POSES["rr"][1])
+    until_goal(phone, POSES["rr"][1])
+    slider = phone.get_by_role("slider").nth(2)
+    slider.focus()
+    phone.keyboard.press("ArrowLeft")
+    until_goal(desktop, goal(phone))
+    assert goal(phone)[1] != pytest.approx(POSES["rr"][1][1], abs=1e-6)
+    assert duration(desktop) == duration(phone)
+    for role, name in (("button", "Pause"), ("tab", "Limits"), ("button", "Problem (TOML)")):
+        one = phone.get_by_role(role, name=name)
+        one.scroll_into_view_if_needed()
+        box = one.bounding_box()
+        assert box["x"] >= 0
+        assert box["x"] + box["width"] <= PHONE["width"]
+    assert phone.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
 
 
 def test_obstacles_load_and_files(chromium, tmp_path):
@@ -283,15 +280,15 @@ def test_a_motion_appears_and_a_killed_studio_takes_up_its_last_state(chromium, 
         assert said["restored"] is True
         until_goal(opened(said["url"]), [0.7, POSES["rr"][1][1]])
         assert json.loads((tmp_path / "studio.json").read_text())["state"]["goal"] == [0.7, POSES["rr"][1][1]]
-    with served(tmp_path, "--fresh") as (_, said):
-        assert said["restored"] is False
+    another_that_is_fresh_takes_the_next_port(tmp_path)
 
 
-def test_a_taken_port_pages_of_others_and_ctrl_c(tmp_path):
-    """It takes the next port, refuses other pages, and in the end no process is left."""
+def another_that_is_fresh_takes_the_next_port(folder):
+    """It takes up no state, refuses pages of others, and in the end no process is left."""
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        with served(tmp_path, "--port", port) as (process, said):
+        with served(folder, "--fresh", "--port", port) as (process, said):
+            assert said["restored"] is False
             assert said["port"] > port
             pages_of_others_cannot_talk_to_it(said["port"])
             ctrl_c_ends_it_and_no_process_is_left(process)
