@@ -136,6 +136,13 @@ def settle(page):
     page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
 
+def resize(page, size):
+    """Give the page a size, its beginning in sight, and time to draw itself anew."""
+    page.set_viewport_size(size)
+    page.evaluate("scrollTo(0, 0)")
+    settle(page)
+
+
 def screenshot(page, moment, path=None):
     """The page at a time of the motion [s], as png bytes."""
     seek(page, moment)

@@ -28,6 +28,14 @@ def written(tmp_path_factory):
     return folder, write_page(folder, outcomes(), all_rows(outcomes()))
 
 
+@pytest.fixture(scope="module")
+def opened(chromium, written):
+    """The page on a phone's screen; tests may give it another, and other media."""
+    folder, _ = written
+    with open_page(chromium, folder / "index.html", width=390, height=844, ready=READY) as (page, requests, errors):
+        yield page, requests, errors
+
+
 def text_of(path):
     return path.read_text("utf-8")
 
@@ -107,51 +115,47 @@ def test_it_is_read_in_a_browser_and_the_arm_moves(chromium, written):
         assert not left_the_page([url for url in requests if not url.startswith("about:")])
 
 
-def test_it_follows_the_screen(chromium, written):
-    folder, _ = written
-    with open_page(chromium, folder / "index.html", width=390, height=844, ready=READY) as (page, _, errors):
-        assert page.evaluate("document.documentElement.scrollWidth") == 390  # wide tables scroll by themselves
-        assert page.evaluate(
-            "[...document.querySelectorAll('nav a')].every(a => a.getBoundingClientRect().right <= 390)"
-        )
-        light = page.evaluate("getComputedStyle(document.body).backgroundColor")
-        page.emulate_media(color_scheme="dark")
-        dark = page.evaluate("getComputedStyle(document.body).backgroundColor")
-        assert light != dark
-        ink = "getComputedStyle(document.querySelector('figure svg text, figure svg path[style*=ink]')).stroke"
-        assert page.evaluate(ink) == "rgb(228, 233, 238)"  # the figures' axes follow
-        page.emulate_media(media="print")
-        assert page.locator("#stage").is_hidden() and page.locator("nav").is_hidden()
-        assert not errors
+def test_it_follows_the_screen(opened):
+    page, _, errors = opened
+    assert page.evaluate("document.documentElement.scrollWidth") == 390  # wide tables scroll by themselves
+    assert page.evaluate("[...document.querySelectorAll('nav a')].every(a => a.getBoundingClientRect().right <= 390)")
+    light = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    page.emulate_media(color_scheme="dark")
+    dark = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert light != dark
+    ink = "getComputedStyle(document.querySelector('figure svg text, figure svg path[style*=ink]')).stroke"
+    assert page.evaluate(ink) == "rgb(228, 233, 238)"  # the figures' axes follow
+    page.emulate_media(media="print")
+    assert page.locator("#stage").is_hidden() and page.locator("nav").is_hidden()
+    page.emulate_media(media="screen", color_scheme="light")
+    assert not errors
 
 
-def test_wide_tables_say_that_they_scroll(chromium, written):
-    folder, _ = written
-    with open_page(chromium, folder / "index.html", width=390, height=844, ready=READY) as (page, requests, errors):
-        page.wait_for_function("document.querySelector('#tables .sideways:not([hidden])') !== null", timeout=10_000)
-        hints = """() => [...document.querySelectorAll('.scroll')].filter(one => one.checkVisibility()).map(one =>
-            [one.scrollWidth > one.clientWidth + 4, !one.previousElementSibling.hidden, one.matches('.more')])"""
-        measured = page.evaluate(hints)
-        assert any(wide for wide, _, _ in measured) and all(wide == said == more for wide, said, more in measured)
-        page.evaluate("document.querySelector('#tables .scroll').scrollLeft = 10000")
-        page.wait_for_function("!document.querySelector('#tables .scroll').classList.contains('more')", timeout=10_000)
-        page.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true; })")
-        assert page.evaluate("document.documentElement.scrollWidth") == 390
-        assert not errors and not left_the_page(requests)
+def test_wide_tables_say_that_they_scroll(opened):
+    page, requests, errors = opened
+    page.wait_for_function("document.querySelector('#tables .sideways:not([hidden])') !== null", timeout=10_000)
+    hints = """() => [...document.querySelectorAll('.scroll')].filter(one => one.checkVisibility()).map(one =>
+        [one.scrollWidth > one.clientWidth + 4, !one.previousElementSibling.hidden, one.matches('.more')])"""
+    measured = page.evaluate(hints)
+    assert any(wide for wide, _, _ in measured) and all(wide == said == more for wide, said, more in measured)
+    page.evaluate("document.querySelector('#tables .scroll').scrollLeft = 10000")
+    page.wait_for_function("!document.querySelector('#tables .scroll').classList.contains('more')", timeout=10_000)
+    page.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true; })")
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
+    assert not errors and not left_the_page(requests)
 
 
-def test_mathematics_is_set_by_the_browser(chromium, written):
-    folder, _ = written
-    with open_page(chromium, folder / "index.html", ready=READY) as (page, requests, errors):
-        # As mathematics a subscript stands lower than its base, and a fraction's parts above each other.
-        low = """() => { const [base, sub] = document.querySelector('#errata msub').children;
-            return sub.getBoundingClientRect().bottom - base.getBoundingClientRect().bottom; }"""
-        assert page.evaluate(low) > 0
-        over = """() => { const [top, bottom] = document.querySelector('#errata mfrac').children;
-            return bottom.getBoundingClientRect().top - top.getBoundingClientRect().top; }"""
-        assert page.evaluate(over) > 5
-        assert page.evaluate("document.querySelector('#errata math').namespaceURI.endsWith('MathML')")
-        assert not errors and not left_the_page(requests)
+def test_mathematics_is_set_by_the_browser(opened):
+    page, requests, errors = opened
+    # As mathematics a subscript stands lower than its base, and a fraction's parts above each other.
+    low = """() => { const [base, sub] = document.querySelector('#errata msub').children;
+        return sub.getBoundingClientRect().bottom - base.getBoundingClientRect().bottom; }"""
+    assert page.evaluate(low) > 0
+    over = """() => { const [top, bottom] = document.querySelector('#errata mfrac').children;
+        return bottom.getBoundingClientRect().top - top.getBoundingClientRect().top; }"""
+    assert page.evaluate(over) > 5
+    assert page.evaluate("document.querySelector('#errata math').namespaceURI.endsWith('MathML')")
+    assert not errors and not left_the_page(requests)
 
 
 def test_strings_from_elsewhere_stay_text(chromium, tmp_path):

@@ -6,7 +6,7 @@ import armdyn as ad
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.motions import ShownMotion, Subject
 from armdyn.show.page.report import report_html, report_of
-from show.browser import open_page, settle
+from show.browser import open_page, resize
 from show.page.runs import FACTS
 
 pytestmark = pytest.mark.slow
@@ -65,13 +65,6 @@ def opened(request, chromium, reports):
     robot, folder = reports
     with open_page(chromium, folder / f"{request.param}.html", **PHONE) as (page, _, errors):
         yield robot, request.param, page, errors
-
-
-def resize(page, size):
-    """Give the page a size, its beginning in sight, and time to draw itself anew."""
-    page.set_viewport_size(size)
-    page.evaluate("scrollTo(0, 0)")
-    settle(page)
 
 
 def test_on_a_phone_nothing_is_covered_cut_or_broken(opened):
