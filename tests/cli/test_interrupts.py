@@ -83,9 +83,11 @@ def test_within_an_import(module, arguments):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("module", ["armdyn.show.plots", "armdyn.show.page.motions"])
-def test_a_motion_that_is_saved_is_said_to_be_where_drawings_are_not_made(module, tmp_path):
-    command = ["pid", "r", "--duration", "5", "--out", str(tmp_path / 'a "b"')]
+@pytest.mark.parametrize(
+    ("module", "options"), [("armdyn.show.plots", []), ("armdyn.show.page.motions", ["--no-figure"])]
+)
+def test_a_motion_that_is_saved_is_said_to_be_where_drawings_are_not_made(module, options, tmp_path):
+    command = ["pid", "r", "--duration", "5", *options, "--out", str(tmp_path / 'a "b"')]
     done = python(AT_IMPORT.format(module=module, arguments=command))
     assert done.returncode == 130 and (tmp_path / 'a "b"' / "trajectory.npz").exists()
     assert done.stderr == f'armdyn: interrupted; the motion is saved in {tmp_path}/a "b"\n'
