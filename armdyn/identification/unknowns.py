@@ -107,22 +107,28 @@ class Unknowns:
 
     def divergence(self, x: Array) -> float:
         """Divergence from the prior; infinite where a body is unphysical or a positive number is not positive."""
-        relative, split = self._relative(x), 10 * len(self.joints)
+        split = 10 * len(self.joints)
         positive, free = 1 + x[split : split + self.positive], x[split + self.positive :]
-        if (relative.size and np.min(np.linalg.eigvalsh(relative)) <= 0) or np.any(positive <= 0):
+        if np.any(positive <= 0):
             return float(np.inf)
-        own = np.trace(relative, axis1=1, axis2=2).sum() - 4 * len(relative) - np.linalg.slogdet(relative)[1].sum()
+        relative = self._relative(x)
+        try:
+            factors = np.linalg.cholesky(relative)
+        except np.linalg.LinAlgError:
+            return float(np.inf)
+        log_determinants = 2 * np.log(np.einsum("bii->bi", factors)).sum()
+        own = np.einsum("bii->", relative) - 4 * len(relative) - log_determinants
         return float(own + np.sum(positive - 1 - np.log(positive)) + free @ free / 2)
 
     def derivatives(self, x: Array) -> tuple[Array, Array]:
         """Gradient, shape (p,), and Hessian, shape (p, p), of the divergence."""
         relative, split = self._relative(x), 10 * len(self.joints)
         gradient, hessian = np.zeros(self.size), np.zeros((self.size, self.size))
-        for b, inverse in enumerate(np.linalg.inv(relative)):
-            at = slice(10 * b, 10 * b + 10)
-            turned = inverse @ BASIS
-            gradient[at] = np.trace(BASIS - turned, axis1=1, axis2=2)
-            hessian[at, at] = np.einsum("kij,lji->kl", turned, turned)
+        turned = np.linalg.inv(relative)[:, None] @ BASIS
+        gradient[:split] = (np.trace(BASIS, axis1=1, axis2=2) - np.einsum("bkii->bk", turned)).ravel()
+        rows, columns = turned.reshape(-1, 10, 16), np.swapaxes(turned, 2, 3).reshape(-1, 10, 16)
+        for b, block in enumerate(rows @ np.swapaxes(columns, 1, 2)):
+            hessian[10 * b : 10 * b + 10, 10 * b : 10 * b + 10] = block
         positive, free = 1 + x[split : split + self.positive], x[split + self.positive :]
         gradient[split:] = np.concatenate([1 - 1 / positive, free])
         hessian[range(split, self.size), range(split, self.size)] = np.concatenate([positive**-2, np.ones(free.size)])
