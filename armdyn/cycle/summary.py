@@ -11,15 +11,13 @@ from armdyn.cycle.steps import Grasp, Move, Release
 from armdyn.files import attributes
 from armdyn.models.scene.obstacles import payload_entry
 from armdyn.models.values.spec import Payload
-from armdyn.reprs import gap_words, percent
+from armdyn.reprs import gap_words, joint_unit, percent
 
 _QUANTITIES = {"torque limit": "torque", "velocity limit": "speed"}
 """Plain words for a limit of a joint."""
 NEAR = 0.05
 """A cycle whose proven gap is no larger is near the fastest possible: the bound ignores obstacles and straight
 segments."""
-_TOUCHING = 0.05
-"""Bodies that are nearer touch, as a part and its table do [mm]."""
 _NOTHING = 5e-7
 """Smallest difference between two durations [s]: the accuracy of the motions."""
 
@@ -146,13 +144,15 @@ def _checks(solution: CycleSolution) -> Iterator[tuple[str, bool | None, str]]:
     if legs:
         worst = max(leg.solution.certificate.goal_error for leg in legs)
         lands = all(leg.solution.certificate.lands for leg in legs)
-        yield "replays reach the stops", lands, f"within {worst:.1e} rad or m, each with its payload"
+        yield (
+            "replays reach the stops",
+            lands,
+            f"within {worst:.1e} {joint_unit(solution.cycle.robot.slides)}, each with its payload",
+        )
     near = [leg.solution.clearance for leg in legs if leg.solution.clearance is not None]
     if near:
         sure, nearest = all(one.sure for one in near), min(near, key=lambda one: one.distance)
-        away = 1e3 * nearest.distance
-        text = f"{nearest.body} {f'is {away:.1f} mm from' if away > _TOUCHING else 'touches'} {nearest.other}"
-        yield "clear of obstacles", sure, text + ("" if sure else "; not proven between samples")
+        yield "clear of obstacles", sure, nearest.bodies() + ("" if sure else "; not proven between samples")
     if solution.gap is not None and solution.lower_bound is not None:
         yield (
             "near the fastest possible",

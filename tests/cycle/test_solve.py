@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 import armdyn as ad
+from armdyn.cycle.summary import cycle_summary
 from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.errors import CycleError
+from armdyn.models.scene.collision import Clearance
 from cycles import HERE, THERE, down, planar, planar_solved
 
 QUICK = ad.MinimumTimeOptions(search="quick", bound=False)
@@ -40,6 +42,18 @@ def test_the_cycle_of_rr_is_the_best_of_its_four_ways():
     ]
     assert solved.duration == pytest.approx(min(ways) + 0.3, abs=1e-6)
     assert max(ways) > min(ways) + 0.01  # the choice matters
+
+
+@pytest.mark.slow
+def test_a_part_that_is_inside_what_it_may_touch_is_not_said_to_touch_it():
+    solved = planar_solved()
+    inside = Clearance(-0.06, 0.0, "bolt", "shelf", sure=True)
+    legs = tuple(replace(leg, solution=replace(leg.solution, clearance=inside)) for leg in solved.legs)
+    checks = cycle_summary(replace(solved, legs=legs), solved.cycle, ())["checks"]
+    assert [one["said"] for one in checks if one["name"] == "clear of obstacles"] == [
+        "'bolt' is 60.0 mm inside 'shelf'"
+    ]
+    assert re.fullmatch("within .* rad, each with its payload", checks[1]["said"])
 
 
 @pytest.mark.slow
