@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from armdyn.models.scene.obstacles import Obstacle
     from armdyn.show.results import Part
 
-NO_FIGURE = "Write no figure.png and figure.pdf: a second or two less."
-
 
 @group()
 class OutputOptions:
@@ -42,6 +40,18 @@ class OutputOptions:
         """
         slug = re.sub(r"[^\w.-]+", "_", Path(name).stem) or "robot"
         return probe_folder(self.out or Path("results") / f"{command}-{slug}", *files)
+
+
+@group()
+class FigureOptions:
+    """Folder of the results, and whether there are figures among them."""
+
+    output: OutputOptions
+    no_figure: bool = flag("Write no figure.png and figure.pdf: a second or two less.")
+
+    def drawn(self, *names: str) -> list[str]:
+        """Files of figures; none with --no-figure."""
+        return [f"{name}.{kind}" for name in names for kind in ("png", "pdf") if not self.no_figure]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,11 +78,9 @@ class Written:
 
 
 @group()
-class ResultOptions:
+class ResultOptions(FigureOptions):
     """Files of one motion, and their folder."""
 
-    output: OutputOptions
-    no_figure: bool = flag(NO_FIGURE)
     no_report: bool = flag("Write no report.html: about a second less.")
 
     def folder(self, command: str, name: str, motions: Iterable[str] = ("trajectory",)) -> Path:

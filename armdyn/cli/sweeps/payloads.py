@@ -14,7 +14,7 @@ from armdyn.cli.console import Answer, Shown, escape, interrupted, judged, table
 from armdyn.cli.invocation import in_options
 from armdyn.cli.motion.require import missing_of
 from armdyn.cli.options.joints import reserve_words
-from armdyn.cli.sweeps.study import SweepResults
+from armdyn.cli.options.results import FigureOptions
 from armdyn.files import csv_text, write_whole
 from armdyn.optimal.answer.solution import reserve_summary
 from armdyn.optimal.problem.status import stopping
@@ -36,7 +36,7 @@ def run_payloads(
     problems: Mapping[float, ad.MinimumTimeProblem],
     options: ad.MinimumTimeOptions,
     required: Mapping[str, float | None],
-    results: SweepResults,
+    results: FigureOptions,
 ) -> Answer:
     """Solve one motion with several payloads, unless done before, and write table, figure and motions.
 
@@ -49,8 +49,7 @@ def run_payloads(
     """
     first = next(iter(problems.values()))
     arm, figure = first.robot, not results.no_figure
-    files = [ROWS, *map(_motion_name, problems), "sweep.csv", "result.json"]
-    files += ["figure.png", "figure.pdf"] if figure else []
+    files = [ROWS, *map(_motion_name, problems), "sweep.csv", *results.drawn("figure"), "result.json"]
     folder = results.output.folder("sweep", name, files)
     folder.mkdir(parents=True, exist_ok=True)
     with working(f"minimum times of {arm.name}") as progress:

@@ -11,7 +11,7 @@ import armdyn as ad
 from armdyn.cli import interrupts
 from armdyn.cli.console import Answer, facts_table, judged, progress_bar
 from armdyn.cli.options.groups import flag, group, option
-from armdyn.cli.options.results import NO_FIGURE, OutputOptions
+from armdyn.cli.options.results import FigureOptions
 from armdyn.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -54,15 +54,7 @@ class StudyOptions:
         return ad.dask_executor(self.scheduler)
 
 
-@group()
-class SweepResults:
-    """Files of a sweep, and their folder."""
-
-    output: OutputOptions
-    no_figure: bool = flag(NO_FIGURE)
-
-
-def run_file(path: str, options: StudyOptions, results: SweepResults) -> Answer:
+def run_file(path: str, options: StudyOptions, results: FigureOptions) -> Answer:
     """Run a study's missing cases, and write tables and figures of all cases.
 
     Args:
@@ -77,8 +69,7 @@ def run_file(path: str, options: StudyOptions, results: SweepResults) -> Answer:
     from armdyn.studies.tables import flat, write_csv, write_parquet
 
     study, executor = ad.read_study(path), options.executor()
-    figures = [] if results.no_figure else [f"{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")]
-    names = ["rows.csv", *(["rows.parquet"] if options.parquet else []), *figures]
+    names = ["rows.csv", *(["rows.parquet"] if options.parquet else []), *results.drawn(*FIGURES)]
     folder = results.output.folder("sweep", path, [ROWS, *names])
     folder.mkdir(parents=True, exist_ok=True)
     interrupts.saved(f"finished rows are in {folder}")

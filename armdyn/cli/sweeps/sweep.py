@@ -10,9 +10,10 @@ from armdyn import models
 from armdyn.cli.console import Answer
 from armdyn.cli.motion.require import REQUIRE, requirements_of
 from armdyn.cli.options.groups import ROBOT, SOLVER, Numbers, argument, given, group, option
+from armdyn.cli.options.results import FigureOptions
 from armdyn.cli.options.robot import PayloadPlace, RobotArgument, kind_of_file, known_names
 from armdyn.cli.options.task import FastArmOptions, refuse_with_a_file
-from armdyn.cli.sweeps.study import StudyOptions, SweepResults, run_file
+from armdyn.cli.sweeps.study import StudyOptions, run_file
 from armdyn.errors import ProblemError
 
 
@@ -85,7 +86,7 @@ def sweep(
     task: SweptTask,
     search: SweepOptions,
     study: StudyOptions,
-    results: SweepResults,
+    results: FigureOptions,
     require: list[str] | None = REQUIRE,
 ) -> Answer:
     r"""Minimum time over payload, of a robot; or a study file's many cases over limits, gains, poses, reserve, arms.

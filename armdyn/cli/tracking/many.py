@@ -10,8 +10,8 @@ import armdyn as ad
 from armdyn.arguments import number as checked
 from armdyn.cli import interrupts
 from armdyn.cli.console import Answer, facts_table, interrupted, judged, working
-from armdyn.cli.options.groups import TASK, Part, flag, group, option
-from armdyn.cli.options.results import NO_FIGURE, OutputOptions
+from armdyn.cli.options.groups import TASK, Part, group, option
+from armdyn.cli.options.results import FigureOptions
 from armdyn.cli.options.task import FastArmOptions
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions
 from armdyn.cli.tracking.track import ReferenceOptions, no_motion
@@ -97,8 +97,7 @@ def monte_carlo(
     loop: LoopOptions,
     arms: ArmsOptions,
     study: CountOptions,
-    output: OutputOptions,
-    no_figure: bool = flag(NO_FIGURE),
+    results: FigureOptions,
 ) -> Answer:
     """How often a controller settles on arms that differ from its model: in payload, friction and start.
 
@@ -115,8 +114,8 @@ def monte_carlo(
     law, joined, plants = controller.chosen(), loop.joined(), arms.plants(model, task.likely)
     options = ad.MonteCarloOptions(count=study.count, duration=reference.duration, tolerance=reference.tolerance)
     within = study.time(reference.duration)
-    drawn = [] if no_figure else ["envelope.png", "envelope.pdf"]
-    folder = output.folder("monte-carlo", task.robot.robot, [ROWS, TABLE, "reference.npz", *drawn, "result.json"])
+    names = [ROWS, TABLE, "reference.npz", *results.drawn("envelope"), "result.json"]
+    folder = results.output.folder("monte-carlo", task.robot.robot, names)
 
     with working(f"many arms like {model.name}") as progress:
         motion = reference.motion(task, progress)
@@ -130,7 +129,9 @@ def monte_carlo(
         summary = {"success": True, "status": "done", "robot": model.name, "reference_duration": motion.duration}
         summary |= found.summary(within)
         progress("drawing the figure")
-        files = _write(folder, found, replace(motion, model_hash=model.model_hash), summary, figure=not no_figure)
+        files = _write(
+            folder, found, replace(motion, model_hash=model.model_hash), summary, figure=not results.no_figure
+        )
     title = f"{model.name}: {options.count} arms with {controller.controller}"
     words = facts_table(title, _words(found, within, motion) | {"results": str(folder)})
     enough = study.at_least is None or found.success(within).rate >= study.at_least
