@@ -10,7 +10,6 @@ from armdyn.reprs import more_payload
 from armdyn.show.markup import Html, element, join, table
 from armdyn.show.page.facts import Facts, as_number
 from armdyn.show.page.verdict import Verdict, seconds
-from armdyn.show.results import source_name
 
 _PATH = re.compile(r"(--?[\w-]+=|)((?:~[^/\\]*|[A-Za-z]:|)[/\\].*)", re.DOTALL)
 """An absolute path, perhaps as an option's value."""
@@ -190,7 +189,7 @@ def _percent(share: float) -> Html:
 def model_section(name: str, facts: Facts) -> Section:
     """The arm: source, payload, friction, hash."""
     model = facts.part("model")
-    rows = [("robot", name), ("source", source_name(model.text("source")))]
+    rows = [("robot", name), ("source", _without_folders(model.text("source")))]
     rows += [("tip", model.text("tip"))] if model.text("tip") else []
     for part in ("tool", "payload"):
         body = model.part(part)
