@@ -33,7 +33,7 @@ _OTHER_NAMES = {
 """Options of arguments in Python that have another name on the command line."""
 
 _PHRASES = {
-    "ad.lower_bound(problem)": "`armdyn bound`",
+    "ad.lower_bound(problem)": "armdyn bound",
     "np.deg2rad(…)": "--degrees",
     "FrameSpeedLimit": "--limit tip-speed",
     "RmsTorque": "--limit rms-torque",
