@@ -142,6 +142,7 @@ def test_misfits_are_refused_before_there_is_a_file(tmp_path):
         ({"options": 3}, "options is 3; it must be a MonteCarloOptions"),
         ({"controller": 3}, "controller is 3"),
         ({"robot": paper_arm("rr")}, "the reference has 1 joints; rr has 2"),
+        ({"reference": replace(reference, joint_names=("x",))}, "the reference is of joints x; r has, in this order, "),
         ({"robot": ad.Robot.from_spec(ad.ArmSpec.paper("r"))}, "the payload of r, which has none"),
     ):
         with pytest.raises(ProblemError, match=message):

@@ -49,13 +49,13 @@ class Ticks:
         """Sample a motion at the ticks, for the robot that makes it.
 
         Raises:
-            ProblemError: it has another number of joints, or more ticks than two million.
+            ProblemError: it has another number of joints, or joints of other names, or more ticks than two million.
         """
+        own, names = reference.joint_names, ", ".join(robot.joint_names)
         if reference.v.shape[1] != robot.nv:
-            raise ProblemError(
-                f"the reference has {reference.v.shape[1]} joints; {robot.name} has {robot.nv}: "
-                f"{', '.join(robot.joint_names)}"
-            )
+            raise ProblemError(f"the reference has {reference.v.shape[1]} joints; {robot.name} has {robot.nv}: {names}")
+        if own and own != robot.joint_names:
+            raise ProblemError(f"the reference is of joints {', '.join(own)}; {robot.name} has, in this order, {names}")
         duration = reference.duration
         count = int(np.ceil(duration * rate - 1e-9)) + 2
         if count > _MOST:
