@@ -2,6 +2,7 @@
 
 import pytest
 
+import armdyn as ad
 from armdyn.studies import reserve
 from cli.command import answer, run_here
 
@@ -41,6 +42,7 @@ def test_a_reserve_outside_0_to_1_is_bad_input(value, tmp_path):
 
 
 def test_ctrl_c_before_a_reserve_has_a_motion_begins_no_other_search(tmp_path, monkeypatch):
-    monkeypatch.setattr(reserve, "reserve_curve", lambda *_, **__: reserve.ReserveCurve((), {}, (), interrupted=True))
+    stopped = reserve.ReserveCurve((), {}, (), interrupted=True)
+    monkeypatch.setattr(ad, "reserve_curve", lambda *_, **__: stopped, raising=False)
     ended = answer(run_here("mintime", "r", "--for-tracking", "--out", tmp_path, "--json"), 130)
     assert ended["status"] == "interrupted" and "duration" not in ended
