@@ -1,6 +1,7 @@
 """Any planner's motion against the fastest, from its file."""
 
 import json
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -67,6 +68,11 @@ def test_its_output_and_files(motion, here):
     words = " ".join(done.stdout.split())
     assert done.returncode == 0 and "the motion takes 0.600000 s" in words and "limits kept" in words
     assert "% less time" in words and "on no limit joint1 100 %, joint2 100 % of the time" in words
+    assert "at its ends" not in words
+    few = np.linspace(0, motion.t.size - 1, 11, dtype=int)
+    np.savetxt(here / "few.csv", np.column_stack([motion.t, motion.q])[few], delimiter=",", header="t,q1,q2")
+    few = run_here("optimality", "rr", "few.csv", *QUICK[:-1], "--out", "few").stdout  # a spline of eleven positions
+    assert re.search(r"at its ends both move by up to 0\.1\d* rad/s", " ".join(few.split()))
     assert {path.name for path in (here / "out").iterdir()} >= {"trajectory.npz", "optimum.npz", "figure.png"}
     optimum = ad.Trajectory.load(here / "out" / "optimum.npz")
     assert json.loads((here / "out" / "result.json").read_text())["optimal_duration"] == optimum.duration

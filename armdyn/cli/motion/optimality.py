@@ -105,16 +105,20 @@ def _words(found: ad.TimeOptimality) -> dict[str, str]:
         words["it could be"] = _could(found)
     else:
         words["the fastest"] = f"was not found: {solution.message}"
+    slides = solution.problem.robot.slides
+    if (fastest := abs(found.trajectory.v[[0, -1]]).max()) > _AT_REST:
+        words["at its ends"] = f"both move by up to {fastest:.3g} {joint_unit(slides, 'rad/s', 'm/s')}"
     worst = found.worst_violation
     kept = "kept" if worst is None else f"{'kept to within 0.1 %' if found.feasible else 'BROKEN'}; worst: {worst}"
     words["limits"] = kept
-    unit = joint_unit(solution.problem.robot.slides)
-    words["replayed torques end"] = f"{found.replay_error:.2g} {unit} from its end{found.unstable}"
+    words["replayed torques end"] = f"{found.replay_error:.2g} {joint_unit(slides)} from its end{found.unstable}"
     idle = [f"{name} {100 * part:.0f} %" for name, part in zip(names, found.idle, strict=True)]
     words["on no limit"] = ", ".join(idle) + " of the time"
     return words
 
 
+_AT_REST = 1e-5
+"""Velocity at an end that is said [rad/s or m/s]: a planner's positions alone may not show that it rests there."""
 _ROUNDING = 1e-9
 """Largest relative difference of equal durations: the replay is aimed to 1e-9."""
 

@@ -150,7 +150,8 @@ def rate_limit(value: ArrayLike | None, name: str, robot: Robot, preset: Control
     Raises:
         ProblemError: the value is not one positive number, nor one per joint.
     """
-    unit = f"{joint_unit(robot.slides)}/s{'²' if name == 'acceleration_limit' else '³'}"
+    power = {"acceleration_limit": "²", "jerk_limit": "³"}[name]
+    unit = joint_unit(robot.slides, f"rad/s{power}", f"m/s{power}")
     found = None if preset is None else preset.limit(name.removesuffix("_limit"))
     if value is not None:
         own = per_joint(value, robot.joint_names, name, unit=unit, error=ProblemError, finite=False, sign="positive")

@@ -27,6 +27,7 @@ from problems import CART, POSES, paper_arm, paper_problem
             "start of joint 'joint1'.* 3.14159 rad, .* 0.5 rad/s leads beyond",
         ),
         ({"q_goal": [0, -np.pi], "v_goal": [0, 0.5]}, "goal of joint 'joint2'.* comes from beyond: no motion"),
+        ({"jerk_limit": -1.0}, "is -1.0 rad/s³ "),
         ({"effort_limit": 0.0}, "no joint has a motor: all torque limits are zero .joint1, joint2."),
         ({"effort_limit": [3.0, np.inf]}, "joint 'joint2' has torque limits"),
         ({"effort_limit": [3.0, 3.0, 3.0]}, "effort_limit has shape"),
