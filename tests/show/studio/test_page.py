@@ -39,10 +39,10 @@ import sys, time
 from armdyn.cli import main
 from armdyn.show.studio.session import Session
 tick = Session.tick
-Session.tick = lambda self: (time.sleep(0.3), tick(self))
+Session.tick = lambda self: (time.sleep(0.2), tick(self))
 main()
 """
-"""`armdyn` with a studio of which a frame takes a third of a second."""
+"""`armdyn` with a studio of which a frame takes a fifth of a second."""
 
 
 @contextlib.contextmanager
@@ -238,15 +238,15 @@ def test_fields_filled_faster_than_frames_are_drawn_keep_their_values(chromium, 
         page.get_by_role("tab", name="Obstacles").click()
         page.get_by_role("button", name="Add obstacle").click()
         fields(page, "position").first.wait_for()
-        page.wait_for_timeout(1000)  # until it is drawn
+        page.wait_for_timeout(600)  # until it is drawn
         for field, value in zip(fields(page, "position").all(), ("0.1", "0", "0.9"), strict=True):
             field.fill(value)
-            page.wait_for_timeout(100)  # some arrive while the frame of the first is drawn
+            page.wait_for_timeout(70)  # some arrive while the frame of the first is drawn
         page.get_by_role("tab", name="Goal").click()
         fields(page, "joint1").fill("0.3")
-        page.wait_for_timeout(100)
+        page.wait_for_timeout(70)
         fields(page, "joint2").fill("0.2")
-        page.wait_for_timeout(1500)
+        page.wait_for_timeout(1000)
         assert goal(page) == pytest.approx([0.3, 0.2])
         page.get_by_role("button", name="Problem (TOML)").click()
         page.get_by_text("Saved:").wait_for()
