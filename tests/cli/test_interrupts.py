@@ -138,7 +138,7 @@ def test_a_job_in_the_background_hears_nothing():
 def test_a_line_names_the_step_being_finished():
     then = "from armdyn.cli.console import working\n    from armdyn.optimal.problem.status import stopping"
     then += "\n    import time"
-    then += "\n    with working('the motion'), stopping(60):\n        press_again()\n        time.sleep(1.5)"
+    then += "\n    with working('the motion'), stopping(60):\n        press_again()\n        time.sleep(1.0)"
     press = "press_again = lambda: os.kill(os.getpid(), signal.SIGINT)\nmodels.Robot.from_source"
     code = AT_CALL.replace("    os.kill(os.getpid(), signal.SIGINT)\n", "").replace("models.Robot.from_source", press)
     done = python(code.format(then=then))

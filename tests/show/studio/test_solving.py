@@ -33,10 +33,10 @@ def test_the_newest_request_is_done_and_the_running_one_is_stopped_for_it():
     with NewestFirst(slowly, 60.0) as solver:
         began = time.monotonic()
         assert solver.seconds is not None
-        for request in (50.0, 40.0, 0.5):  # the first two are never begun
+        for request in (50.0, 40.0, 0.1):  # the first two are never begun
             solver.request(request)
         assert next_result(solver)[1] == (60.0, True)
-        assert next_result(solver)[1] == (0.5, False)
+        assert next_result(solver)[1] == (0.1, False)
         assert time.monotonic() - began < 30.0
         assert solver.newest() is None
 

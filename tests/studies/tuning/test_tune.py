@@ -73,8 +73,8 @@ def test_ctrl_c_gives_the_best_so_far():
 
 
 def test_a_time_limit_gives_the_best_so_far():
-    options = ad.TuneOptions(generations=5000, members=4, time_limit=1.0)
-    found = ad.tune(ROBOT, RAMP, STIFFNESS, ARMS[:1], options=options, progress=lambda text: time.sleep(1.0))
+    options = ad.TuneOptions(generations=5000, members=4, time_limit=0.5)
+    found = ad.tune(ROBOT, RAMP, STIFFNESS, ARMS[:1], options=options, progress=lambda text: time.sleep(0.5))
     assert found.status == "time_limit"
     assert found.message.startswith("time limit reached: 1 of 1 settle")
     assert len(found.history) == 1
