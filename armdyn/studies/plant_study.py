@@ -47,7 +47,7 @@ class MonteCarloOptions(Checked):
 
     count: int = checked(whole, 1000, least=1, most=MAX_ARMS)
     duration: float = checked(number, 1.0, unit="s", sign="positive")
-    tolerance: float = checked(number, 0.005, unit="rad", sign="positive")
+    tolerance: float = checked(number, 0.005, unit="rad or m", sign="positive")
     workers: int | None = checked(whole, None, least=1)
 
 

@@ -28,24 +28,25 @@ class JointOptions:
     """Torque limits, friction and rotor inertia; None leaves the robot's own."""
 
     effort_limit: PerJoint = option(
-        "T[,T…]", "Torque limits instead of the URDF's \\[N m]; 0: a joint has no motor.", rich_help_panel=LIMITS
+        "T[,T…]", "Torque limits instead of the URDF's \\[N m or N]; 0: a joint has no motor.", rich_help_panel=LIMITS
     )
     damping: _Friction = option(
         "D[,D…]|urdf",
-        "Viscous friction: a joint loses D times its velocity \\[N m s/rad]. By default a URDF file's own, "
+        "Viscous friction: a joint loses D times its velocity \\[N m s/rad or N s/m]. By default a URDF file's own, "
         "none for a library's robot, whose numbers are placeholders; urdf takes them.",
     )
     friction: _Friction = option(
         "F[,F…]|urdf",
-        "Coulomb friction: a joint loses F against its direction of motion \\[N m]. Default like --damping.",
+        "Coulomb friction: a joint loses F against its direction of motion \\[N m or N]. Default like --damping.",
     )
     friction_width: PerJoint = option(
-        "V[,V…]", "Coulomb friction is F tanh(v / V) \\[rad/s]: smaller is sharper, and slower to solve. Default 0.05."
+        "V[,V…]",
+        "Coulomb friction is F tanh(v / V) \\[rad/s or m/s]: smaller is sharper, and slower to solve. Default 0.05.",
     )
     torque_speed: list[str] | None = option(
         "JOINT=V:T,V:T…",
-        "Torque-speed curve of a joint's motor: speeds from 0 on \\[rad/s], the largest driving torques there \\[N m], "
-        "linear between and concave; it brakes with its whole torque limit. May be given again.",
+        "Torque-speed curve of a joint's motor: speeds from 0 on \\[rad/s or m/s], the largest driving torques there "
+        "\\[N m or N], linear between and concave; it brakes with its whole torque limit. May be given again.",
         rich_help_panel=LIMITS,
     )
     armature: PerJoint = option("J[,J…]", "Rotor inertia seen at the joint, gear ratio² × rotor \\[kg m²].")
@@ -70,7 +71,7 @@ class JointOptions:
 class FastJointOptions:
     """Options of the joints of a minimum-time motion: velocity limits, reserves, joints without a motor."""
 
-    velocity_limit: PerJoint = option("V[,V…]", "Velocity limits instead of the URDF's \\[rad/s]; inf for none.")
+    velocity_limit: PerJoint = option("V[,V…]", "Velocity limits instead of the URDF's \\[rad/s or m/s]; inf for none.")
     reserve: PerJoint = option(
         "R[,R…]",
         "Part of the torque limits that is kept for feedback: with 0.1 the motion uses 90 % at most.",

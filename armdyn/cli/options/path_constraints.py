@@ -34,8 +34,10 @@ def _explained(texts: list[str] | None) -> list[str] | None:
 class RateOptions:
     """Limits of acceleration and jerk, by the names that a `MinimumTimeProblem` gives them."""
 
-    acceleration_limit: PerJoint = option("A[,A…]", "Acceleration limits \\[rad/s²]; by default none.")
-    jerk_limit: PerJoint = option("J[,J…]", "Jerk limits \\[rad/s³]: the torque no longer jumps. By default none.")
+    acceleration_limit: PerJoint = option("A[,A…]", "Acceleration limits \\[rad/s² or m/s²]; by default none.")
+    jerk_limit: PerJoint = option(
+        "J[,J…]", "Jerk limits \\[rad/s³ or m/s³]: the torque no longer jumps. By default none."
+    )
 
 
 @group(SCENE)

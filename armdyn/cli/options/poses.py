@@ -137,7 +137,7 @@ class GoalOptions(PoseOptions):
     goal_tolerance: Numbers = option(
         "X,Y,Z,RX,RY,RZ", "Tolerance of --goal-pose in either direction, along and about its own axes \\[m, rad]."
     )
-    v_start: Numbers = option("V,V,…", "Joint velocities at the start \\[rad/s]; by default it is at rest.")
+    v_start: Numbers = option("V,V,…", "Joint velocities at the start \\[rad/s or m/s]; by default it is at rest.")
     v_goal: Numbers = option("V,V,…", "Joint velocities at the goal, like --v-start.")
     wrap: bool = flag(
         "Goals of endless joints (continuous: no position limits) count modulo 2π: take the faster way round."

@@ -30,7 +30,7 @@ class ControllerOptions:
     controller: str = option("NAME", "lqr (linear-quadratic along the motion), computed-torque or pid.", default="lqr")
     weights: Numbers = option(
         "E,T,I",
-        "For lqr: error worth half the torque range \\[rad], weight of a velocity error against it \\[s], and "
+        "For lqr: error worth half the torque range \\[rad or m], weight of a velocity error against it \\[s], and "
         "its integral \\[1/s].",
     )
     bandwidth: Numbers = option("W", "For computed-torque: natural frequency of the error \\[rad/s].")
@@ -66,14 +66,14 @@ class LoopOptions:
 
     rate: float = option("HZ", "Samples per second \\[Hz].", default=1000.0)
     delay: int = option("TICKS", "Delay from a reading to its torque \\[ticks].", default=1)
-    encoder: float = option("RAD", "Step of the encoders \\[rad]; 0: none.", default=1e-4)
+    encoder: float = option("RAD", "Step of the encoders \\[rad or m]; 0: none.", default=1e-4)
     velocity: str = option(
         "HOW",
         "Velocity of the law: filtered (differences of readings), observer (Luenberger) or exact.",
         default="filtered",
     )
     cutoff: float = option("HZ", "Cutoff frequency of the filter or the observer \\[Hz].", default=80.0)
-    noise: float = option("RAD", "Standard deviation of each reading \\[rad].", default=0.0)
+    noise: float = option("RAD", "Standard deviation of each reading \\[rad or m].", default=0.0)
     seed: int = option("N", "Seed of the noise.", default=0)
     antiwindup: str = option(
         "HOW", "Integral at a torque limit: conditional, back_calculation or none.", default="conditional"
@@ -98,8 +98,8 @@ class PlantOptions:
 
     plant_payload: float | None = option("KG", "Payload that the arm carries \\[kg], instead of --payload.")
     plant_likely: int | None = option("K", "Likely arm number K, from 0, of identified.toml of armdyn identify.")
-    plant_damping: PerJoint = option("D[,D…]", "Viscous friction of its joints \\[N m s/rad].")
-    plant_friction: PerJoint = option("F[,F…]", "Coulomb friction of its joints \\[N m].")
+    plant_damping: PerJoint = option("D[,D…]", "Viscous friction of its joints \\[N m s/rad or N s/m].")
+    plant_friction: PerJoint = option("F[,F…]", "Coulomb friction of its joints \\[N m or N].")
 
     def real(self, task: FastArmOptions) -> ad.Robot:
         """Simulated arm: the controller's model changed by these options.

@@ -45,9 +45,9 @@ class ArmsOptions:
     payload_range: Annotated[tuple[float, float] | None, range_of] = option(
         "A,B", "Multiples of the payload. Default 0.8,1.2 if there is one; 1,1 of likely arms."
     )
-    friction_range: Range = option("A,B", "Coulomb friction of a joint \\[N m].", default="0,0")
-    damping_range: Range = option("A,B", "Viscous friction of a joint \\[N m s/rad].", default="0,0")
-    start_error: float = option("RAD", "Greatest distance of a joint from the start \\[rad].", default=0.0)
+    friction_range: Range = option("A,B", "Coulomb friction of a joint \\[N m or N].", default="0,0")
+    damping_range: Range = option("A,B", "Viscous friction of a joint \\[N m s/rad or N s/m].", default="0,0")
+    start_error: float = option("RAD", "Greatest distance of a joint from the start \\[rad or m].", default=0.0)
     arms_seed: int = option("N", "Seed of the random arms: arm k of a seed is always the same.", default=0)
 
     def plants(self, robot: ad.Robot, likely: tuple[ad.Robot, ...] = ()) -> ad.Plants:

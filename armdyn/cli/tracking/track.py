@@ -34,7 +34,9 @@ class ReferenceOptions:
     duration: float = option(
         "S", "Simulated time \\[s]; if the motion takes longer, its duration and a second.", default=2.0
     )
-    tolerance: float = option("RAD", "Largest error from the goal at which the arm has settled \\[rad].", default=0.005)
+    tolerance: float = option(
+        "RAD", "Largest error from the goal at which the arm has settled \\[rad or m].", default=0.005
+    )
 
     def motion(self, task: FastArmOptions, progress: Callable[[str], None]) -> ad.Trajectory | ad.Solution:
         """The motion to follow, or the unusable solution of a search that failed.

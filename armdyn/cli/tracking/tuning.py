@@ -55,7 +55,9 @@ class TuningOptions:
     index: str = option("NAME", "settled, itae or ise: of the worst arm.", default="settled")
     overshoot: float = option("PART", "Past the goal at most, of the largest travel of a joint.", default=0.05)
     duration: float = option("S", "Simulated time of each arm \\[s].", default=1.5)
-    tolerance: float = option("RAD", "Largest error from the goal at which an arm has settled \\[rad].", default=0.005)
+    tolerance: float = option(
+        "RAD", "Largest error from the goal at which an arm has settled \\[rad or m].", default=0.005
+    )
     members: int = option("N", "Controllers per generation and parameter.", default=8)
     generations: int = option("N", "Largest number of generations.", default=60)
     time_limit: float = option("S", "Time limit of the search \\[s].", default=300.0)

@@ -64,10 +64,10 @@ class Loop(Checked):
 
     rate: float = checked(number, 1000.0, unit="Hz", least=LEAST_RATE, most=MOST_RATE)
     delay: int = checked(whole, 1, least=0, most=_MOST_DELAY)
-    encoder: float = checked(number, 1e-4, unit="rad", sign="not negative")
+    encoder: float = checked(number, 1e-4, unit="rad or m", sign="not negative")
     velocity: Velocity = checked(one_of, "filtered", known=VELOCITIES)
     cutoff: float = checked(number, 80.0, unit="Hz", sign="positive")
-    noise: float = checked(number, 0.0, unit="rad", sign="not negative")
+    noise: float = checked(number, 0.0, unit="rad or m", sign="not negative")
     seed: int = checked(whole, 0, least=0)
     saturate: bool = checked(flag, True)
     antiwindup: Antiwindup = checked(one_of, "conditional", known=ANTIWINDUPS)

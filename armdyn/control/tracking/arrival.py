@@ -35,7 +35,7 @@ class Arrival(Checked):
     """
 
     rule: ArrivalRule = checked(one_of, "last_entry_all_joints", known=ARRIVAL_RULES, name="arrival_rule")
-    tolerance: float = checked(number, 0.005, unit="rad", sign="positive", name="arrival_tolerance")
+    tolerance: float = checked(number, 0.005, unit="rad or m", sign="positive", name="arrival_tolerance")
 
     def time(self, motion: Trajectory, goal: Array) -> float | None:
         """Arrival time of a motion [s], exact for the cubics between its samples; None if the motion does not arrive.

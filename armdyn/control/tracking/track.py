@@ -99,7 +99,7 @@ class Setup:
                 f"{duration:g} s at {loop.rate:g} Hz are too many samples of {robot.nv} joints; expected at most "
                 f"{MOST_ROWS / robot.nv:.0f} ticks"
             )
-        tolerance = number(tolerance, "tolerance", unit="rad", sign="positive")
+        tolerance = number(tolerance, "tolerance", unit="rad or m", sign="positive")
         with one_blas_thread():  # a regulator's solves many small systems
             made = {id(one): law_of(controller, one, ticks, loop) for one in robots}
         laws = tuple(made[id(one)] for one in robots)

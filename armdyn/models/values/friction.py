@@ -19,7 +19,7 @@ FrictionValue = ArrayLike | Literal["urdf"]
 
 
 def _width(value: ArrayLike, name: str) -> float | Array:
-    width = per_joint(value, None, name, unit="rad/s", sign="positive")
+    width = per_joint(value, None, name, unit="rad/s or m/s", sign="positive")
     return width if np.ptp(width) else float(width.flat[0])
 
 

@@ -59,7 +59,7 @@ class ClosedLoopTask(Checked):
     form: str | None = None
     reference: str = checked(one_of, "minimum-time", known=REFERENCES)
     duration: float = checked(number, 2.0, unit="s", sign="positive")
-    tolerance: float = checked(number, 0.005, unit="rad", sign="positive")
+    tolerance: float = checked(number, 0.005, unit="rad or m", sign="positive")
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -61,7 +61,7 @@ class TuneOptions(Checked):
     index: Index = checked(one_of, "settled", known=INDICES)
     overshoot: float = checked(number, 0.05, sign="positive")
     duration: float = checked(number, 1.5, unit="s", sign="positive")
-    tolerance: float = checked(number, 0.005, unit="rad", sign="positive")
+    tolerance: float = checked(number, 0.005, unit="rad or m", sign="positive")
     seed: int = checked(whole, 0, least=0)
     members: int = checked(whole, 8, least=2)
     generations: int = checked(whole, 60, least=1)
