@@ -15,9 +15,12 @@ from matplotlib.lines import Line2D
 from armdyn.errors import TrajectoryError
 from armdyn.files import write_whole
 from armdyn.models import JointLimits
+from armdyn.reprs import joint_unit
 from armdyn.show.figures.style import INK, LOOK, Panel, Style, color, draw_limits, draw_ranges, literal, scales, styles
 from armdyn.trajectory import Trajectory
 
+_QUANTITIES = (("position", "rad", "m"), ("velocity", "rad/s", "m/s"), ("torque", "N m", "N"))
+"""Quantities of the panels, with the units of joints that turn and of those that slide."""
 _DENSE = 1200
 _MOST_TICKS = 40
 _Place = Literal["outside upper center", "outside lower center"]
@@ -37,6 +40,7 @@ def plot_trajectories(
     title: str | None = None,
     unresolved: Collection[int] = (),
     captions: Sequence[str] | None = None,
+    sliding: Sequence[bool] = (),
 ) -> Figure:
     """Position, velocity and torque of every joint in stacked panels.
 
@@ -51,6 +55,7 @@ def plot_trajectories(
         unresolved: places in `trajectories` of those whose switching times are a mesh's or a curve's, as a `Solution`'s
             are whose `phases` are None: they have no ticks, and it is said.
         captions: of each in the legend; None: its name and its duration.
+        sliding: which joints slide, `Robot.slides`: their units are m, m/s and N; empty: none does.
 
     Returns:
         A figure of its own: pyplot knows nothing of it. Its axes are position, velocity and one or more of torque.
@@ -70,7 +75,7 @@ def plot_trajectories(
         )
     if captions is not None and len(captions) != len(trajectories):
         raise TrajectoryError(f"{len(captions)} captions for {len(trajectories)} trajectories")
-    figure = plot_panels(trajectories, limits, unresolved)
+    figure = plot_panels(trajectories, limits, unresolved, sliding)
     named = [f"{one.name or f'trajectory {k + 1}'}, {one.duration:.4g} s" for k, one in enumerate(trajectories)]
     runs = named if captions is None else list(captions)
     runs = [run + (UNRESOLVED if k in unresolved else "") for k, run in enumerate(runs)]
@@ -80,7 +85,10 @@ def plot_trajectories(
 
 @rc_context(LOOK)
 def plot_panels(
-    trajectories: Sequence[Trajectory], limits: JointLimits | None, unresolved: Collection[int] = ()
+    trajectories: Sequence[Trajectory],
+    limits: JointLimits | None,
+    unresolved: Collection[int] = (),
+    sliding: Sequence[bool] = (),
 ) -> Figure:
     """Panels of `plot_trajectories`, without title and legend above them."""
     joints = trajectories[0].v.shape[1]
@@ -88,8 +96,11 @@ def plot_panels(
     figure = Figure(figsize=(7.0, 7.6 + 1.7 * (len(groups) - 1)), layout="constrained")
     axes = list(figure.subplots(2 + len(groups), 1, sharex=True))
     every = tuple(range(joints))
-    panels = [Panel(axes[0], "position", "rad", every), Panel(axes[1], "velocity", "rad/s", every)]
-    panels += [Panel(ax, "torque", "N m", group) for ax, group in zip(axes[2:], groups, strict=True)]
+    slides, kinds = tuple(sliding) or joints * (False,), (*_QUANTITIES[:2], *len(groups) * _QUANTITIES[2:])
+    panels = [
+        Panel(ax, quantity, joint_unit([slides[j] for j in group], *units), group)
+        for ax, group, (quantity, *units) in zip(axes, (every, every, *groups), kinds, strict=True)
+    ]
     for k, (trajectory, style) in enumerate(zip(trajectories, styles(len(trajectories)), strict=True)):
         _draw(panels, trajectory, style)
         if k not in unresolved:

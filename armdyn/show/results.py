@@ -231,7 +231,9 @@ def write_run(
 
         # The summary of a minimum-time solution whose arcs are not resolved has an empty list of arcs.
         unresolved = (0,) if summary.get("arcs") == [] else ()
-        figure = plot_trajectories(list(own.values()), limits=robot.limits, title=title, unresolved=unresolved)
+        figure = plot_trajectories(
+            list(own.values()), limits=robot.limits, title=title, unresolved=unresolved, sliding=robot.slides.tolist()
+        )
         files += save_figures(figure, folder / "figure", ("png", "pdf"))
     if "report" in parts:
         progress("writing the report")

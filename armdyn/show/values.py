@@ -94,7 +94,8 @@ def _solution(solution: Solution) -> Html:
     for line in solution.what_to_do:
         facts["what you can do"] = f"{facts.get('what you can do', '')} {line}.".strip()
     title = f"{solution.problem.robot.name}: minimum time"
-    picture = motion_picture(solution.trajectory, solution.problem.limits, bool(solution.arcs))
+    sliding = solution.problem.robot.slides.tolist()
+    picture = motion_picture(solution.trajectory, solution.problem.limits, bool(solution.arcs), sliding)
     return _card(title, facts, _svg(picture, f"{title}, the motion"))
 
 
@@ -163,15 +164,19 @@ def _svg(figure: Figure, label: str) -> Html:
     return element("div", inline_svg(text, prefix, label, {INK: "currentColor"}), style="overflow-x:auto")
 
 
-def motion_picture(motion: Trajectory, limits: JointLimits | None, resolved: bool = True) -> Figure:
+def motion_picture(
+    motion: Trajectory, limits: JointLimits | None, resolved: bool = True, sliding: Sequence[bool] = ()
+) -> Figure:
     """Position, velocity and torque over time.
 
     Args:
         motion: the drawn one.
         limits: drawn, too; None: none.
         resolved: its switching times are exact, not a mesh's or a curve's; else the legend says so.
+        sliding: which joints slide; empty: none does.
     """
-    figure = plot_trajectories([_thinned(motion)], limits=limits, unresolved=() if resolved else (0,))
+    unresolved = () if resolved else (0,)
+    figure = plot_trajectories([_thinned(motion)], limits=limits, unresolved=unresolved, sliding=sliding)
     figure.set_size_inches(6.0, 5.4 + 1.4 * (len(figure.axes) - 3))
     return _clear(figure)
 
@@ -227,8 +232,11 @@ def _clear(figure: Figure) -> Figure:
 
 def figure(solution: Solution) -> Figure:
     """See `Solution.plot`."""
-    limits, unresolved = solution.problem.limits, () if solution.arcs else (0,)
-    return plot_trajectories([solution.trajectory], limits=limits, title=_title(solution), unresolved=unresolved)
+    problem, unresolved = solution.problem, () if solution.arcs else (0,)
+    title, sliding = _title(solution), problem.robot.slides.tolist()
+    return plot_trajectories(
+        [solution.trajectory], limits=problem.limits, title=title, unresolved=unresolved, sliding=sliding
+    )
 
 
 def report(solution: Solution, path: str | os.PathLike[str]) -> Path:

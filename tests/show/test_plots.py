@@ -39,6 +39,10 @@ def test_panels_show_every_joint_of_every_trajectory():
         lines = curves(panel)
         assert len(lines) == 6
         assert len({line.get_color() for line in lines}) == 3
+    weak = robot.with_limits([30.0, 30.0, 1.0], None).limits  # the third joint's force has a panel of its own
+    mixed = plots.plot_trajectories(runs, limits=weak, sliding=[False, False, True])
+    expected = ["position [rad or m]", "velocity [rad/s or m/s]", "torque [N m]", "torque [N]"]
+    assert [panel.get_ylabel() for panel in mixed.axes] == expected
     joints, runs_legend = figure.legends
     assert runs_legend.get_title().get_text() == "rrr"
     assert [text.get_text() for text in joints.get_texts()] == [*robot.joint_names, "limit"]

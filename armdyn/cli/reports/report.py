@@ -157,6 +157,7 @@ def compare(shown: ShownOptions, output: OutputOptions) -> Answer:
             limits=subject.limits,
             title=title,
             unresolved=unresolved,
+            sliding=subject.sliding,
             captions=[
                 f"{row.name}, {'not at the goal' if row.there is None else _duration_there(row)}" for row in rows
             ],
