@@ -39,7 +39,8 @@ def reaching(robot, seed, oriented=False):
             error = pin.log6(off).vector if oriented else off.translation
             if np.linalg.norm(error) < 1e-11:
                 break
-            q = q + np.linalg.pinv(pin.computeFrameJacobian(model, data, q, frame)[:rows], 1e-8) @ error
+            jacobian = pin.computeFrameJacobian(model, data, q, frame)[:rows]
+            q = q + jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + 1e-14 * np.eye(rows), error)
         if np.linalg.norm(error) < 1e-11 and np.all((limits.position_lower <= q) & (q <= limits.position_upper)):
             found.append(q)
     return start, ad.GoalPose(robot.tip, at if oriented else at.translation), np.array(found)
