@@ -182,11 +182,11 @@ def _parsed(text: str, source: str) -> pin.Model:
     """Pinocchio's reading of a checked MJCF; its parser takes files only."""
     if not hasattr(pin, "buildModelFromMJCF"):
         raise UrdfError(source, f"is MJCF, which this pinocchio {pin.__version__} was built without; give a URDF")
-    with tempfile.TemporaryDirectory(prefix="armdyn-mjcf-") as folder:
-        file = Path(folder, "arm.xml")
-        file.write_text(text, encoding="utf-8")
+    with tempfile.NamedTemporaryFile("w", encoding="utf-8", prefix="armdyn-mjcf-", suffix=".xml") as file:
+        file.write(text)
+        file.flush()
         try:
-            return pin.buildModelFromMJCF(str(file))
+            return pin.buildModelFromMJCF(file.name)
         except Exception as error:  # any C++ exception
             raise UrdfError(source, f"Pinocchio cannot read it ({clipped(str(error).strip())})") from None
 
