@@ -8,13 +8,11 @@ import numpy as np
 from armdyn.arrays import Flags
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.answer.words import replay_words
-from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.proof.certificate import Certificate
-from armdyn.optimal.proof.repeat import repeated
 from armdyn.optimal.proof.sensitivity import deciding
-from armdyn.optimal.refine.land import with_adjoint_check
+from armdyn.optimal.refine.land import as_replayed, with_adjoint_check
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import SearchResult
 from armdyn.optimal.search.multistart import grouped, within
@@ -121,7 +119,7 @@ def _repeated(task: Task, optima: list[Optimum]) -> list[Optimum]:
     """
     left, judged = sorted(optima, key=lambda optimum: (_rank(task, optimum), optimum.cost)), list[Optimum]()
     for k, optimum in enumerate(left):
-        judged.append(_as_replayed(task, optimum))
+        judged.append(as_replayed(task, optimum))
         if _rank(task, judged[k]) <= _rank(task, optimum):
             return [judged[k], *judged[:k], *left[k + 1 :]]
     return sorted(judged, key=lambda optimum: (_rank(task, optimum), optimum.cost))
@@ -135,21 +133,10 @@ def _certified_first(task: Task, optima: list[Optimum], bound: float | None) -> 
         alike = _rank(task, other) <= _rank(task, best) and other.cost <= (1 + _ALIKE) * best.cost
         if best.certificate.ok or not alike:
             break
-        judged = _judged(task, _as_replayed(task, other), bound)
+        judged = _judged(task, as_replayed(task, other), bound)
         if judged.certificate.ok:
             return [judged, best, *others[:k], *others[k + 1 :]]
     return [best, *others]
-
-
-def _as_replayed(task: Task, optimum: Optimum) -> Optimum:
-    """Complete an optimum's certificate, and replace a mesh's states by the replay's."""
-    motion, certificate = optimum.trajectory, optimum.certificate
-    if certificate.growth is None:  # else it was repeated by its refinement method
-        certificate = repeated(task.problem, motion, certificate)
-    if not certificate.repeats and (replay := replay_of(task, motion)).t[-1] == motion.t[-1]:
-        motion = replace(replay, name=motion.name)
-        certificate = repeated(task.problem, motion, optimum.certificate)
-    return replace(optimum, trajectory=motion, certificate=certificate)
 
 
 def with_certificate(solution: Solution, certificate: Certificate) -> Solution:

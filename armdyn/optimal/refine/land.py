@@ -11,6 +11,7 @@ from armdyn.optimal.problem.status import Budget
 from armdyn.optimal.program.unknowns import doubled
 from armdyn.optimal.proof.certificate import SEGMENT_TOLERANCE
 from armdyn.optimal.proof.pontryagin import adjoint_error, pontryagin
+from armdyn.optimal.proof.repeat import repeated
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.switching.costates import phases_of
 from armdyn.optimal.switching.extremal.descent import Extremal, finer, in_one_piece
@@ -29,6 +30,22 @@ def land(task: Task, phases: Phases) -> Optimum:
     if not failure:
         phases, replay, failure = _on_goal(task, phases, replay)
     return Optimum.of(task.problem, replay, phases.arc_of.size, phases, failure, iterations=phases.iterations)
+
+
+def as_replayed(task: Task, optimum: Optimum) -> Optimum:
+    """Complete an optimum's certificate by `repeated`, and replace a mesh's states by the replay's.
+
+    Args:
+        task: the problem and its settings.
+        optimum: a landed optimum.
+    """
+    motion, certificate = optimum.trajectory, optimum.certificate
+    if certificate.growth is None:  # else it was repeated by its refinement method
+        certificate = repeated(task.problem, motion, certificate)
+    if not certificate.repeats and (replay := replay_of(task, motion)).t[-1] == motion.t[-1]:
+        motion = replace(replay, name=motion.name)
+        certificate = repeated(task.problem, motion, optimum.certificate)
+    return replace(optimum, trajectory=motion, certificate=certificate)
 
 
 def with_adjoint_check(task: Task, optimum: Optimum) -> Optimum:

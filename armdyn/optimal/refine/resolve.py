@@ -12,7 +12,7 @@ from armdyn.optimal.landing.shooting import replay_on_goal
 from armdyn.optimal.problem.status import Budget
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, HAMILTONIAN_TOLERANCE, SWITCHING_TOLERANCE
 from armdyn.optimal.proof.pontryagin import pontryagin
-from armdyn.optimal.refine.land import land_extremal, with_adjoint_check
+from armdyn.optimal.refine.land import as_replayed, land_extremal, with_adjoint_check
 from armdyn.optimal.refine.motion_mesh import ResolvedMotions, mesh_optimum
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.slowing import least_slowing
@@ -46,11 +46,14 @@ def resolve(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMoti
     """
     known = list[Optimum]()
     for found in _optima(task, attempt, budget, resolved):
-        # Costates may stray from the adjoint equations although all signs are right: checked by another integrator.
+        # Checked by another integrator: costates may stray from the adjoint equations although all signs are right,
+        # and an unstable motion may leave feedback no torque to repeat it.
         if certified := [one for one in found if one.certificate.ok]:
-            best = with_adjoint_check(task, min(certified, key=partial(rank, task)))
+            chosen = min(certified, key=partial(rank, task))
+            best = with_adjoint_check(task, as_replayed(task, chosen))
             if best.certificate.ok:
                 return best
+            found = [best if one is chosen else one for one in found]
         known += found
     # Uncertified arcs are kept only if their motion is the better one.
     return min(known, key=partial(rank, task))
