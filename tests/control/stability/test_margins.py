@@ -50,9 +50,10 @@ def test_gain_margins_are_where_the_radius_is_one(case):
     loop = loop_of(case)
     for one in margins_of(case):
         factors = np.ones(loop.B.shape[1])
-        for end, outward in zip(one.gain, (1 - 1e-6, 1 + 1e-6), strict=True):
+        for end, outward in zip(one.gain, (1 - 1e-4, 1 + 1e-4), strict=True):
             if not 0 < end < np.inf:
                 continue
+            # The frequency response is interpolated, good to about 1e-5 of the factor.
             factors[one.joint] = end / outward
             assert times(loop, factors).radius < 1
             factors[one.joint] = end * outward
