@@ -102,7 +102,7 @@ def test_three_links_without_position_limits():
 @pytest.mark.filterwarnings("ignore::armdyn.ArmdynWarning")  # 1 kg cannot be held at the goal
 def test_a_payload_too_heavy_for_coarse_meshes():
     """1 kg within ±π: meshes of 15 to 60 intervals promise 0.22 to 0.40 s, and no replay of theirs lands."""
-    solution = solve(paper_problem("rrr", 1.0), starts=24)
+    solution = solve(paper_problem("rrr", 1.0))
     assert solution.certificate.ok, solution.message
     assert solution.duration < 0.417304  # the results of two searches on other meshes
     accuracy = 1e-11 * solution.certificate.growth  # the integrators' own errors, grown to the end
