@@ -67,9 +67,9 @@ def refined(task: Task, found: SearchResult) -> tuple[list[Optimum], bool]:
     for k, reached in enumerate(in_processes(jobs, 1 if alone else task.workers, first_here=True)):
         landed = any(optimum.landed(options.replay_tolerance) for optimum in optima)
         optima.append(_optimum(task, reached if landed else _on_finer_meshes(task, many, reached)))
-        if shared and optima[k].certificate.ok:
-            shared.best = min(shared.best, optima[k].cost)
         if optima[k].usable(options.replay_tolerance):
+            if shared:
+                shared.best = min(shared.best, optima[k].cost)
             duration, cost = attempts[k].trajectory.duration, optima[k].cost
             sure = duration + numbers.error_factor * abs(duration - cost) if optima[k].certificate.ok else np.inf
             cutoff = min(cutoff, sure, numbers.slower * cost)

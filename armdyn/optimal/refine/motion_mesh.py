@@ -38,7 +38,7 @@ class ResolvedMotions:
 
     Attributes:
         left: intervals times iterations left in the budget, the same on every machine.
-        best: duration of the fastest certified motion of the problem [s]; infinite: no such motion.
+        best: duration of the fastest usable motion of the problem [s]; infinite: no such motion.
     """
 
     def __init__(self, numbers: MotionMeshPolicy) -> None:
@@ -55,7 +55,7 @@ class ResolvedMotions:
         self.left -= self._numbers.step * steps
 
     def beats(self, mesh: Attempt) -> bool:
-        """Whether the best certified motion is so much faster than a mesh's motion that the mesh is skipped."""
+        """Whether the best usable motion is so much faster than a mesh's motion that the mesh is skipped."""
         return mesh.trajectory.duration > (1 + self._numbers.abandoned) * self.best
 
     def usable_by(self, duration: float, tolerance: float) -> bool:
@@ -249,7 +249,7 @@ def mesh_optimum(task: Task, attempt: Attempt, remark: str, resolved: ResolvedMo
         resolved: cache of the problem's resolved motions, extended here.
 
     Returns:
-        None if no mesh converges, the motion does not land, or a certified one is much faster.
+        None if no mesh converges, the motion does not land, or a usable one is much faster.
     """
     meshes, tried, best = _Meshes(task, resolved), list[Attempt](), None
     for rough in meshes.finer(attempt):

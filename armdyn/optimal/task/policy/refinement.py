@@ -178,7 +178,7 @@ class MotionMeshPolicy:
     )
     abandoned: float = tuned(
         5e-4,
-        "of a certified duration",
+        "of the best duration",
         "excess at which a mesh is abandoned: the second is accurate to 2e-4",
         "random arms (RRR)",
     )
