@@ -173,7 +173,7 @@ def test_between_two_lines_of_code():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("arguments", "moments"), [(["doctor", "panda"], 14), (["--help"], 7)], ids=str)
+@pytest.mark.parametrize(("arguments", "moments"), [(["doctor", "panda"], 20), (["--help"], 10)], ids=str)
 def test_at_many_moments(arguments, moments):
     begun = time.perf_counter()
     python(BEGIN, *arguments)

@@ -304,8 +304,8 @@ def test_compiler_that_hung_is_not_run_again(tmp_path, monkeypatch):
 @needs_compiler
 @pytest.mark.slow
 def test_fuzzed_libraries_are_built_again():
-    outcomes = fuzz_cache(75, seed=0)
-    assert outcomes.total() == 75
+    outcomes = fuzz_cache(150, seed=0)
+    assert outcomes.total() == 150
     assert all(outcome.endswith(": built again") for outcome in outcomes)
 
 

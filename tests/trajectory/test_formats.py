@@ -10,7 +10,7 @@ import numpy as np
 import pandas
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
@@ -122,7 +122,6 @@ def test_motions_that_no_message_can_have():
 
 
 @pytest.mark.slow
-@settings(max_examples=40)  # YAML in Python takes 10 ms each
 @given(
     trajectories(), st.lists(FINITE, min_size=3, max_size=3), st.text(max_size=8).filter(lambda name: _sayable(name))
 )
