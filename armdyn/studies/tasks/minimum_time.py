@@ -1,7 +1,7 @@
 """Study task "minimum-time": the fastest motion of every case."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -33,6 +33,7 @@ class MinimumTimeTask(Checked):
         options: of every search; with neighbours "chain" its workers count, else each search has one.
         neighbours: see `Neighbours`.
         progress: called with the progress of a search in this process, in words.
+        same: numbers that tell whether two motions are one optimum.
     """
 
     name: ClassVar = "minimum-time"
@@ -43,6 +44,7 @@ class MinimumTimeTask(Checked):
     options: MinimumTimeOptions = checked(expect, MinimumTimeOptions(), kind=MinimumTimeOptions)
     neighbours: Neighbours = checked(one_of, "add", known=NEIGHBOURS)
     progress: Callable[[str], None] | None = None
+    same: SamePolicy = field(default_factory=SamePolicy)
 
     @classmethod
     def read(cls, table: Table, problems: ProblemSource, names: Mapping[str, Table]) -> Self:
@@ -88,7 +90,7 @@ class MinimumTimeTask(Checked):
         own, its = row.facts, other.facts
         if own["landed"] != its["landed"]:
             return bool(own["landed"])
-        return bool(own["cost"] < its["cost"] * (1 - SamePolicy().resolved))
+        return bool(own["cost"] < its["cost"] * (1 - self.same.resolved))
 
 
 def result_with(solution: Solution | CycleSolution, facts: Mapping[str, Any]) -> CaseResult:
