@@ -95,9 +95,9 @@ def dense(motion: Trajectory, samples: int) -> Trajectory:
     return replace(motion, t=t, q=motion.q[place], v=motion.v[place], tau=np.vstack([tau, motion.tau[-1:]]))
 
 
-def replay_of(task: Task, trajectory: Trajectory) -> Trajectory:
+def replay_of(task: Task, trajectory: Trajectory, rtol: float = RTOL) -> Trajectory:
     """`replay_torques` with a task's robot, within its time limit."""
-    return replay_torques(task.problem.robot, trajectory, stop=task.stop.__bool__)
+    return replay_torques(task.problem.robot, trajectory, rtol, task.stop.__bool__)
 
 
 def expect_motion_of(robot: Robot, trajectory: Trajectory) -> None:

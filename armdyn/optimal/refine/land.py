@@ -33,7 +33,7 @@ def land(task: Task, phases: Phases) -> Optimum:
 
 
 def as_replayed(task: Task, optimum: Optimum) -> Optimum:
-    """Complete an optimum's certificate by `repeated`, and replace a mesh's states by the replay's.
+    """Complete an optimum's certificate by `repeated`; states that do not repeat give way to those of a replay.
 
     Args:
         task: the problem and its settings.

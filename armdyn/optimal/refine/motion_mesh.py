@@ -304,8 +304,9 @@ def _settled(meshes: _Meshes, mesh: Attempt, best: _Judged, remark: str) -> _Jud
     """A certified motion solved again from itself: its solve ended where it hardly became faster."""
     again = meshes.again(mesh, mesh.mesh, MeshMargins())
     found = None if again is None else _judged(meshes.task, again, remark)
-    better = found is not None and found.optimum.certificate.ok and found.optimum.cost < best.optimum.cost
-    return found if found is not None and better else best
+    if found is None or not found.optimum.certificate.ok:
+        return best
+    return min(best, found, key=lambda one: one.optimum.cost)
 
 
 def _within_margins(meshes: _Meshes, mesh: Attempt, optimum: Optimum, remark: str) -> Optimum:

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from armdyn.optimal.landing.rollout import replay_torques
+from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.program.unknowns import doubled
 from armdyn.optimal.search.multistart import Job, SearchSettings, crossover_guesses, distinct, ranked, search
 from armdyn.optimal.search.starts import spline
@@ -176,8 +176,7 @@ def at_speed(task: Task, motion: Trajectory) -> bool:
 def _misses_goal(task: Task, attempt: Attempt) -> bool:
     """Whether the replay of the mesh's torques ends at a different pose."""
     problem, motion = task.problem, attempt.trajectory
-    replay = replay_torques(problem.robot, motion, _ROUGH, task.stop.__bool__)
-    missed = np.abs(problem.goal_error_of(replay)[: problem.robot.nv])
+    missed = np.abs(problem.goal_error_of(replay_of(task, motion, _ROUGH))[: problem.robot.nv])
     return not np.max(missed) <= task.policy.search.replay_miss * np.max(np.ptp(motion.q, axis=0))
 
 

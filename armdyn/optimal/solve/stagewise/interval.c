@@ -9,9 +9,10 @@
 typedef struct {
     double H[NY * (NY + 1) / 2], Jm[NX][NY]; /* Hessian, lower triangle row by row; Jacobian of the middle */
     double LU[NX][NX], M[NX][NV];            /* Jacobian J of the equations, solved for x_{k+1} */
-    double across[NX][NV], P[NZ][NZ], S[NZ][NX], L[NU][NU], K[NU][NZ], Kn[NU][NX];
+    double across[NX][NV]; /* Hessian's block of x_{k+1} and (x_k, T, u_k), without T */
+    double P[NZ][NZ], S[NZ][NX], L[NU][NU], K[NU][NZ], Kn[NU][NX];
     double r[NX], p[NZ], k[NU];
-    int pivot[NX], regular;
+    int pivot[NX], regular; /* regular: 0 where J is singular in x_{k+1} */
 } Stage;
 
 /* Program: sizes, parameters, and derivatives at the present iterate. */
