@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pinocchio as pin
+from scipy.linalg import eigh
 
 from armdyn.arrays import Array
 from armdyn.identification.equations import Equations, in_tip
@@ -83,10 +84,11 @@ def _given(robot: Robot, equations: Equations) -> Array:
 def _parameters(robot: Robot, equations: Equations, fit: Fit) -> Iterator[Estimated]:
     unknowns = equations.unknowns
     _, hessian = unknowns.derivatives(fit.x)
-    spread = np.linalg.inv(hessian) / fit.weight
+    spread = np.linalg.inv(hessian) / max(1.0, fit.weight)
+    covariance = fit.covariance + _unmeasured(fit, hessian)
 
     def estimated(name: str, unit: str, prior: float, value: float, gradient: Array) -> Estimated:
-        variance, before = (np.maximum(gradient @ one @ gradient, 1e-300) for one in (fit.covariance, spread))
+        variance, before = (np.maximum(gradient @ one @ gradient, 1e-300) for one in (covariance, spread))
         deviation, seen = np.sqrt(variance), max(0.0, 1 - float(variance / before))
         return Estimated(
             name=name, unit=unit, prior=float(prior), value=float(value), deviation=float(deviation), seen=float(seen)
@@ -112,6 +114,18 @@ def _parameters(robot: Robot, equations: Equations, fit: Fit) -> Iterator[Estima
             unit = _UNITS[kind][bool(robot.slides[j])]
             yield estimated(f"{kind} of {robot.joint_names[j]}", unit, before[j], after[j], row(start + j, sizes[j]))
         start += sizes.size
+
+
+def _unmeasured(fit: Fit, hessian: Array) -> Array:
+    """Spread of the combinations that the prior determines, beyond that of the fit, shape (p, p).
+
+    Cross-validation chooses the prior's weight by what the log measures; of the other combinations, such as mass
+    against armature of a joint that slides, it knows nothing. Their prior counts as one measurement at most.
+    """
+    values, vectors = eigh(fit.normal.matrix, hessian)
+    weight = np.where(values < fit.weight, min(1.0, fit.weight), fit.weight)
+    more = 1 / (values + weight) - 1 / (values + fit.weight)
+    return np.asarray((vectors * more) @ vectors.T)
 
 
 def _jacobian(function: Callable[[Array], Array], x: Array, count: int) -> Array:

@@ -38,8 +38,10 @@ class Estimated:
         unit: its SI unit.
         prior: of the given robot.
         value: the estimate.
-        deviation: its standard deviation; 95 % intervals are 1.96 of it to either side.
-        seen: reduction of the prior's variance by the log, 0 to 1.
+        deviation: its standard deviation; 95 % intervals are 1.96 of it to either side. Of what the log does not
+            measure the prior's is 100 % of a number at least.
+        seen: reduction of the prior's variance by the log, 0 to 1; that variance is the one of the fit, or of 100 %
+            where the fit has a larger one.
     """
 
     name: str

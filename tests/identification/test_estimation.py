@@ -131,6 +131,25 @@ def test_confidence_covers_the_truth():
     assert 0.92 <= np.mean(hits) <= 0.98  # some 300 numbers: two standard deviations are 0.025
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.01, 0.03])  # the weights of the prior are 0.01, 100 and 32
+def test_mass_and_armature_of_a_joint_that_slides_level_are_not_measured_apart(read, noise):
+    prior, true = (
+        read(
+            f'<robot name="slider"><link name="base"/><link name="car"><inertial><mass value="{mass}"/>'
+            '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+            '<joint name="x" type="prismatic"><parent link="base"/><child link="car"/><axis xyz="1 0 0"/>'
+            '<limit lower="-1" upper="1" effort="20" velocity="3"/></joint></robot>'
+        )
+        for mass in (2.0, 2.3)
+    )
+    estimate = identify(prior, simulated_log(true.with_friction(0.5, 0.8), noise=noise, duration=4.0))
+    own = {one.name: one for one in estimate.parameters}
+    mass, armature = own["mass of x"], own["armature of x"]
+    assert mass.value + armature.value == pytest.approx(2.3, rel=0.02)
+    assert not mass.measured and not armature.measured
+    assert mass.interval[0] < 2.3 < mass.interval[1]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "what"), [("rrr", "payload"), ("panda", "all")])
 def test_likely_arms_are_physical_and_differ_as_the_confidence_says(name, what):
