@@ -79,23 +79,23 @@ class ArmProblems:
     arms: tuple[StudyArm, ...]
     fixed: Mapping[str, Value] = field(default_factory=dict)
 
-    def settings(self, own: Mapping[str, Value]) -> dict[str, Value]:
-        """The settings of a case with the fixed ones."""
-        return {**self.fixed, **own}
+    def with_fixed(self, settings: Mapping[str, Value]) -> dict[str, Value]:
+        """The fixed settings of all cases, and those of a case; where a setting is in both, the case's."""
+        return {**self.fixed, **settings}
 
-    def arm(self, own: Mapping[str, Value]) -> StudyArm:
+    def arm(self, settings: Mapping[str, Value]) -> StudyArm:
         """The arm of a case."""
-        name = self.settings(own).get(ARM)
+        name = self.with_fixed(settings).get(ARM)
         return next(arm for arm in self.arms if arm.name == (name or arm.name))
 
-    def robot(self, own: Mapping[str, Value]) -> Robot:
+    def robot(self, settings: Mapping[str, Value]) -> Robot:
         """The robot with a case's payload, limits and friction.
 
         Raises:
             ArmdynError: a setting does not fit it.
         """
-        given = self.settings(own)
-        robot = _plain_robot(json.dumps(dict(self.arm(own).robot)), given.get("payload"))
+        given = self.with_fixed(settings)
+        robot = _plain_robot(json.dumps(dict(self.arm(settings).robot)), given.get("payload"))
         robot = robot.with_limits(given.get("effort_limit"), given.get("velocity_limit"))
         if "effort_scale" in given:
             limits, scales = robot.limits, np.broadcast_to(given["effort_scale"], robot.nv)
@@ -107,18 +107,18 @@ class ArmProblems:
             robot = robot.with_limits(None, given["velocity_scale"] * robot.limits.velocity)
         return robot.with_friction(given.get("damping"), given.get("friction"), None)
 
-    def plant(self, own: Mapping[str, Value]) -> Robot:
-        """The robot that moves: the controller's model, but for the settings plant_…."""
-        own = self.settings(own)
-        return self.robot(own | {name.removeprefix(PLANT): own[name] for name in own if name.startswith(PLANT)})
+    def plant(self, settings: Mapping[str, Value]) -> Robot:
+        """The simulated robot: the controller's model, changed by the settings plant_…."""
+        given = self.with_fixed(settings)
+        return self.robot(given | {name.removeprefix(PLANT): given[name] for name in given if name.startswith(PLANT)})
 
-    def table(self, own: Mapping[str, Value]) -> Table:
+    def table(self, settings: Mapping[str, Value]) -> Table:
         """The table [problem] of a case.
 
         Raises:
             ProblemError: a setting leads to a place that the table does not have.
         """
-        arm, given = self.arm(own), self.settings(own)
+        arm, given = self.arm(settings), self.with_fixed(settings)
         values = copy.deepcopy(dict(arm.problem))
         joints = _plain_robot(json.dumps(dict(arm.robot)), None).joint_names
         for name, value in sorted(given.items(), key=lambda one: one[0].count(".")):
@@ -127,9 +127,9 @@ class ArmProblems:
                 place[key] = list(arm.poses[value]) if name in POSES and isinstance(value, str) else value
         return Table(arm.name, values, None)
 
-    def ends(self, own: Mapping[str, Value]) -> tuple[list[float], list[float]]:
+    def ends(self, settings: Mapping[str, Value]) -> tuple[list[float], list[float]]:
         """Joint positions [rad or m] at start and goal."""
-        values, robot = self.table(own).values, self.robot(own)
+        values, robot = self.table(settings).values, self.robot(settings)
         start, goal = (list(positions_of(robot, values[pose], pose)) for pose in POSES)
         return start, goal
 
@@ -141,10 +141,10 @@ class ArmProblems:
         """
         return problem_from(self.table(settings), self.robot(settings))
 
-    def key(self, own: Mapping[str, Value]) -> str:
-        """Problems with equal keys are equal, also if they belong to another study in the same process."""
-        robot = {name: value for name, value in self.settings(own).items() if name in OF_ROBOT}
-        return json.dumps([dict(self.arm(own).robot), robot, self.table(own).values], sort_keys=True)
+    def key(self, settings: Mapping[str, Value]) -> str:
+        """Text that identifies a problem: equal for equal problems, also those of other studies in this process."""
+        robot = {name: value for name, value in self.with_fixed(settings).items() if name in OF_ROBOT}
+        return json.dumps([dict(self.arm(settings).robot), robot, self.table(settings).values], sort_keys=True)
 
     def description(self) -> dict[str, object]:
         """All that the problems depend on, as JSON."""

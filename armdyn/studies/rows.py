@@ -184,14 +184,20 @@ def read_rows(path: str | os.PathLike[str]) -> Iterator[RowStore]:
         yield RowStore(path, connection)
 
 
-def differences(there: Mapping[str, Any], here: Mapping[str, Any], within: str = "") -> Iterable[str]:
-    """Differences between two studies, as JSON has them, in words."""
+def differences(there: Mapping[str, Any], here: Mapping[str, Any], prefix: str = "") -> Iterable[str]:
+    """Differences between the descriptions of two studies, one phrase each.
+
+    Args:
+        there: description of the study in the file.
+        here: description of the study that is to be run.
+        prefix: names of the enclosing keys, each with a dot.
+    """
     for name in dict.fromkeys([*there, *here]):
         old, new = there.get(name), here.get(name)
         if isinstance(old, dict) and isinstance(new, dict):
-            yield from differences(old, new, f"{within}{name}.")
+            yield from differences(old, new, f"{prefix}{name}.")
         elif old != new:
-            yield f"{within}{name} is {_shown(old)} there and {_shown(new)} here"
+            yield f"{prefix}{name} is {_shown(old)} there and {_shown(new)} here"
 
 
 def _shown(value: object) -> str:

@@ -51,7 +51,7 @@ class ClosedLoopTask(Checked):
     }  # fmt: skip
     outcomes: ClassVar[tuple[str, str]] = ("settled_time_s", "peak_error")
     neighbours: ClassVar[Neighbours] = "off"
-    own: ClassVar[tuple[str, ...]] = ("controller", "form", "reference", "duration", "tolerance")
+    keys: ClassVar[tuple[str, ...]] = ("controller", "form", "reference", "duration", "tolerance")
     """Keys of the task's table."""
 
     problems: ArmProblems
@@ -77,7 +77,7 @@ class ClosedLoopTask(Checked):
         Raises:
             ProblemError: a key is unknown or wrong, or a setting without a meaning; with the line.
         """
-        table.only(cls.own)
+        table.only(cls.keys)
         given: dict[str, Any] = dict(table.values)
         with table.locating_errors():
             task = cls(problems=problems, **given)
@@ -90,17 +90,17 @@ class ClosedLoopTask(Checked):
 
     def description(self) -> dict[str, object]:
         """The task as JSON."""
-        return {"task": self.name, **self.problems.description(), **attributes(self, *self.own)}
+        return {"task": self.name, **self.problems.description(), **attributes(self, *self.keys)}
 
     def work(self, settings: Mapping[str, Value], guess: bytes = b"", revisit: bool = False) -> CaseResult:
         """Do one case: check its settings, and run it."""
-        own = self.problems.settings(settings)
-        self.check(own)
-        self.check_complete(own)
-        motion = self.reference_of(own)
-        return motion if isinstance(motion, CaseResult) else self.run(own, motion)
+        settings = self.problems.with_fixed(settings)
+        self.check(settings)
+        self.check_complete(settings)
+        motion = self.reference_of(settings)
+        return motion if isinstance(motion, CaseResult) else self.run(settings, motion)
 
-    def run(self, own: Mapping[str, Value], motion: Any) -> CaseResult:
+    def run(self, settings: Mapping[str, Value], motion: Any) -> CaseResult:
         """Work on a case with all of its settings, and the motion of `reference_of`."""
         raise NotImplementedError
 
@@ -137,31 +137,33 @@ class ClosedLoopTask(Checked):
         for name in _WITHOUT[self.reference]:
             if name in names:
                 raise ProblemError(f"{name} does not apply to reference {self.reference!r}")
-        own = CONTROLLERS[self.controller].settings
+        known = CONTROLLERS[self.controller].settings
         for other, kind in CONTROLLERS.items():
             for name in kind.settings:
-                if name in names and name not in own:
+                if name in names and name not in known:
                     raise ProblemError(f"{name} is a setting of controller {other!r}, not of {self.controller!r}")
 
-    def controller_of(self, own: Mapping[str, Value]) -> Controller:
+    def controller_of(self, settings: Mapping[str, Value]) -> Controller:
         """The controller with the gains of a case."""
         kind = CONTROLLERS[self.controller].with_form(self.form, "form")
-        return kind.make(**{name: float(own[name]) for name in kind.settings if name in own})
+        return kind.make(**{name: float(settings[name]) for name in kind.settings if name in settings})
 
-    def loop_of(self, own: Mapping[str, Value]) -> Loop:
+    def loop_of(self, settings: Mapping[str, Value]) -> Loop:
         """The loop of a case."""
-        joined: dict[str, Any] = {name: float(own[name]) for name in ("rate", "cutoff", "noise") if name in own}
-        if "delay" in own:
-            joined["delay"] = round(float(own["delay"]))
+        joined: dict[str, Any] = {
+            name: float(settings[name]) for name in ("rate", "cutoff", "noise") if name in settings
+        }
+        if "delay" in settings:
+            joined["delay"] = round(float(settings["delay"]))
         return Loop(**joined)
 
-    def reference_of(self, own: Mapping[str, Value]) -> Any:
+    def reference_of(self, settings: Mapping[str, Value]) -> Any:
         """The motion to follow, or the result of a case that has none; each process solves a fastest one once."""
         if self.reference == "ramp":
-            return ramp(self.problems.robot(own), *self.problems.ends(own), float(own["ramp"]))
-        key = self.problems.key({name: own[name] for name in own if name not in self.signs or name in SIGNS})
+            return ramp(self.problems.robot(settings), *self.problems.ends(settings), float(settings["ramp"]))
+        key = self.problems.key({name: settings[name] for name in settings if name not in self.signs or name in SIGNS})
         if key not in _references:
-            solution = solve_minimum_time(self.problems.problem(own), MinimumTimeOptions(workers=1))
+            solution = solve_minimum_time(self.problems.problem(settings), MinimumTimeOptions(workers=1))
             if not solution.usable:
                 status = INTERRUPTED if solution.status is Status.INTERRUPTED else "no_reference"
                 return CaseResult(status=status, message=f"no motion to follow: {solution.message}")

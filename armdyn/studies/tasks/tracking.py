@@ -31,11 +31,11 @@ class TrackTask(ClosedLoopTask):
         ("plant_payload", "plant_damping", "plant_friction"), "not negative"
     )
 
-    def run(self, own: Mapping[str, Value], motion: Trajectory) -> CaseResult:
+    def run(self, settings: Mapping[str, Value], motion: Trajectory) -> CaseResult:
         """Run the loop of a case."""
         run = track(
-            self.problems.robot(own), motion, self.controller_of(own), self.problems.plant(own), self.loop_of(own),
-            self.duration, tolerance=self.tolerance,
+            self.problems.robot(settings), motion, self.controller_of(settings), self.problems.plant(settings),
+            self.loop_of(settings), self.duration, tolerance=self.tolerance,
         )  # fmt: skip
         facts = {
             "reference_s": motion.duration, "settled_time_s": run.settled_time, "failed_time_s": run.failed_time,
@@ -57,7 +57,7 @@ class MonteCarloTask(ClosedLoopTask):
 
     name: ClassVar = "monte-carlo"
     outcomes: ClassVar = ("worst_settled_time_s", "success_rate")
-    own: ClassVar = (*ClosedLoopTask.own, "plants", "count", "within")
+    keys: ClassVar = (*ClosedLoopTask.keys, "plants", "count", "within")
 
     plants: Mapping[str, Any] = field(default_factory=dict)
     count: int = checked(whole, 100, least=1, most=MAX_ARMS)
@@ -67,11 +67,11 @@ class MonteCarloTask(ClosedLoopTask):
         super().__post_init__()
         options_of(Plants, self.plants, "plants")
 
-    def run(self, own: Mapping[str, Value], motion: Trajectory) -> CaseResult:
+    def run(self, settings: Mapping[str, Value], motion: Trajectory) -> CaseResult:
         """Run all arms of a case."""
         options = MonteCarloOptions(count=self.count, duration=self.duration, tolerance=self.tolerance, workers=1)
-        robot, controller = self.problems.robot(own), self.controller_of(own)
-        found = monte_carlo(robot, motion, controller, plants_of(self.plants, robot), self.loop_of(own), options)
+        robot, controller = self.problems.robot(settings), self.controller_of(settings)
+        found = monte_carlo(robot, motion, controller, plants_of(self.plants, robot), self.loop_of(settings), options)
         if found.interrupted:
             return CaseResult(status=INTERRUPTED)
         rate = found.success(np.inf if self.within is None else self.within)
@@ -96,7 +96,7 @@ class TuneTask(ClosedLoopTask):
 
     name: ClassVar = "tune"
     outcomes: ClassVar = ("settled_time_s", "overshoot")
-    own: ClassVar = (*ClosedLoopTask.own, "plants", "ramp_range", "options")
+    keys: ClassVar = (*ClosedLoopTask.keys, "plants", "ramp_range", "options")
 
     controller: str = checked(one_of, "pid", known=tuple(CONTROLLERS))
     reference: str = checked(one_of, "ramp", known=REFERENCES)
@@ -124,18 +124,18 @@ class TuneTask(ClosedLoopTask):
         others = {"duration": self.duration, "tolerance": self.tolerance, "workers": 1}
         return options_of(TuneOptions, self.options, "options", **others)
 
-    def reference_of(self, own: Mapping[str, Value]) -> Any:
+    def reference_of(self, settings: Mapping[str, Value]) -> Any:
         """Ramps, or the fastest motion of a case."""
         if self.reference == "ramp":
-            return Ramps(*self.problems.ends(own), self.ramp_range)
-        return super().reference_of(own)
+            return Ramps(*self.problems.ends(settings), self.ramp_range)
+        return super().reference_of(settings)
 
-    def run(self, own: Mapping[str, Value], motion: Trajectory | Ramps) -> CaseResult:
+    def run(self, settings: Mapping[str, Value], motion: Trajectory | Ramps) -> CaseResult:
         """Tune the controller of a case."""
-        robot, form = self.problems.robot(own), self.form or "computed_torque"
-        family = family_named(self.controller, robot, self.problems.ends(own)[1], form=form)  # type: ignore[arg-type]
+        robot, form = self.problems.robot(settings), self.form or "computed_torque"
+        family = family_named(self.controller, robot, self.problems.ends(settings)[1], form=form)  # type: ignore[arg-type]
         plants = plants_of(self.plants, robot).corners(robot)
-        found = tune(robot, motion, family, plants, loop=self.loop_of(own), options=self._search)
+        found = tune(robot, motion, family, plants, loop=self.loop_of(settings), options=self._search)
         if found.status == "interrupted":
             return CaseResult(status=INTERRUPTED)
         worst = found.training
@@ -158,7 +158,7 @@ class ReserveTask(ClosedLoopTask):
 
     name: ClassVar = "reserve"
     outcomes: ClassVar = ("settled_time_s", "duration_s")
-    own: ClassVar = ("controller", "form", "duration", "reserves")
+    keys: ClassVar = ("controller", "form", "duration", "reserves")
 
     duration: float = checked(number, 2.5, unit="s", sign="positive")
     reserves: Sequence[float] = RESERVES
@@ -168,14 +168,14 @@ class ReserveTask(ClosedLoopTask):
         """The reserves."""
         return ("reserve", "velocity_reserve")
 
-    def reference_of(self, own: Mapping[str, Value]) -> MinimumTimeProblem:
+    def reference_of(self, settings: Mapping[str, Value]) -> MinimumTimeProblem:
         """The problem of a case: one motion is solved for each reserve."""
-        return self.problems.problem(own)
+        return self.problems.problem(settings)
 
-    def run(self, own: Mapping[str, Value], problem: MinimumTimeProblem) -> CaseResult:
+    def run(self, settings: Mapping[str, Value], problem: MinimumTimeProblem) -> CaseResult:
         """Try the reserves of a case."""
         curve = reserve_curve(
-            problem, [self.controller_of(own)], reserves=self.reserves, loop=self.loop_of(own),
+            problem, [self.controller_of(settings)], reserves=self.reserves, loop=self.loop_of(settings),
             duration=self.duration, options=MinimumTimeOptions(workers=1),
         )  # fmt: skip
         if curve.interrupted:
