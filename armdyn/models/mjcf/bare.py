@@ -36,8 +36,8 @@ class Bare:
         joints: name to attributes of every joint written.
         free: the free joints that stand still.
         widths: count of MuJoCo's qpos numbers of each joint, locked ones included, in qpos' order.
-        called: of bodies, joints and sites, each kind apart: their names to those that they are written with, for
-            pin 4.1 crashes at some names, such as "universe".
+        new_names: of bodies, joints and sites, each kind apart: from their names to the written ones, since pin 4.1
+            crashes at some names, such as "universe".
     """
 
     classes: Classes
@@ -46,7 +46,7 @@ class Bare:
     joints: dict[str, Values] = field(default_factory=dict)
     free: set[str] = field(default_factory=set)
     widths: dict[str, int] = field(default_factory=dict)
-    called: dict[str, dict[str, str]] = field(default_factory=dict)
+    new_names: dict[str, dict[str, str]] = field(default_factory=dict)
 
     def text(self, root: Element) -> str:
         """The MJCF that Pinocchio is given.
@@ -76,7 +76,7 @@ class Bare:
 
     def _named(self, kind: str, name: str) -> str:
         """New name of an element; its own name must be new among its kind."""
-        taken = self.called.setdefault(kind, {})
+        taken = self.new_names.setdefault(kind, {})
         if name in taken:
             raise UrdfError(self.classes.source, "is defined twice", f"{kind} {clipped(name)!r}")
         if len(taken) == MAX_LINKS:
@@ -88,7 +88,7 @@ class Bare:
 
     def _body(self, body: Element, to: Element, inherited: str | None, moves: bool) -> None:
         """Write a body, its joints and all bodies below it; a body with several joints becomes that many bodies."""
-        name = body.get("name") or f"(body {len(self.called['body'])})"
+        name = body.get("name") or f"(body {len(self.new_names['body'])})"
         written = self._named("body", name)
         values = Values(body.attrib, self.classes.source, f"body {clipped(name)!r}")
         inherited = body.get("childclass") or inherited

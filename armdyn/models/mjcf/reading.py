@@ -136,7 +136,7 @@ def read_mjcf_arm(root: Element, source: str, lock: Mapping[str, float], arm: tu
     bare = Bare(classes, compiler, None if arm is not None else frozenset(lock))
     model = _parsed(bare.text(root), source)
     model.name = root.get("model") or "MuJoCo Model"
-    rename(model, _own_names(bare.called))
+    rename(model, _original_names(bare.new_names))
     model.gravity.linear = gravity(root, source)
     limits = effort_limits(root, classes, bare.joints, compiler.automatic)
     reading = read_model(model, source, {joint: at for joint, at in lock.items() if joint not in bare.free}, arm)
@@ -191,10 +191,10 @@ def _parsed(text: str, source: str) -> pin.Model:
             raise UrdfError(source, f"Pinocchio cannot read it ({clipped(str(error).strip())})") from None
 
 
-def _own_names(called: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
-    """Names in the MJCF, by those that joints and frames were written with."""
-    own = {written: name for names in called.values() for name, written in names.items()}
-    return own | {f"{written}_fixed": f"{name}_fixed" for name, written in called["body"].items()}
+def _original_names(new_names: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
+    """Map from the names that Pinocchio has read to those in the MJCF: the inverse of `Bare.new_names`."""
+    original = {written: name for names in new_names.values() for name, written in names.items()}
+    return original | {f"{written}_fixed": f"{name}_fixed" for name, written in new_names["body"].items()}
 
 
 def _refuse_loops(model: pin.Model, root: Element, source: str) -> None:

@@ -224,25 +224,25 @@ def _reduced(model: pin.Model, locked: Mapping[str, float], source: str) -> pin.
     for name, i in joints.items():  # pin 4.1 crashes where a joint that is to be locked has no frame
         if not model.existFrame(name, pin.FrameType.JOINT):
             model.addJointFrame(i, -1)
-    own = _number(model)  # pin 4.1 cannot reduce a model in which two frames have one name
+    original = _rename_uniquely(model)  # pin 4.1 cannot reduce a model in which two frames have one name
     try:
         reduced = pin.buildReducedModel(model, [joints[name] for name in locked], at)
     except (RuntimeError, ValueError) as error:
         raise UrdfError(source, f"Pinocchio cannot lock {', '.join(locked)} ({clipped(error)})") from None
-    rename(reduced, own)
+    rename(reduced, original)
     return reduced
 
 
 def rename(model: pin.Model, names: Mapping[str, str]) -> None:
-    """Give joints and frames of a model, which is changed, other names, by those that they have."""
+    """Rename joints and frames of a model in place; names: from present to new ones, others stay."""
     for i, name in enumerate(model.names):
         model.names[i] = names.get(name, name)
     for frame in model.frames:
         frame.name = names.get(frame.name, frame.name)
 
 
-def _number(model: pin.Model) -> dict[str, str]:
-    """Give joints and frames names of which none occurs twice; returns their own names by these."""
+def _rename_uniquely(model: pin.Model) -> dict[str, str]:
+    """Rename joints and frames so that no name occurs twice; return the map from new to original names."""
     own = {f"joint {i}": name for name, i in _joints(model).items()}
     for i, frame in enumerate(model.frames):
         name = f"joint {frame.parentJoint}"

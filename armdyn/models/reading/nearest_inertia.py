@@ -88,7 +88,9 @@ def nearest_physical(mass: float, tensor: Array, thinnest: float = THINNEST) -> 
 
 
 def repaired_inertias(root: Element, source: str) -> tuple[InertiaRepair, ...]:
-    """Repairs of a URDF's unphysical inertias; massless links and point masses stay.
+    """Find the unphysical inertias of a URDF, and the nearest physical ones; the URDF stays unchanged.
+
+    Massless links and point masses are left out.
 
     Args:
         root: of `urdf_check.parse_urdf`.

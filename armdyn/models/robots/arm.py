@@ -259,7 +259,7 @@ class Arm(Checked):
             raise SpecError(f"armature is {shown(armature)} kg m² or kg; it must be {LARGEST:g} at most")
         return replace(self, model=model)
 
-    def _carrying(self, body: Payload | None) -> Self:
+    def _with_body(self, body: Payload | None) -> Self:
         """This robot with a payload or a tool; the model is copied before it is changed.
 
         Raises:
@@ -279,7 +279,7 @@ class Arm(Checked):
                 model.addFrame(pin.Frame(tip, frame.parentJoint, 0, at, pin.FrameType.OP_FRAME))
         return replace(self, model=model, tip=tip, payload=self.payload if isinstance(body, Tool) else body)
 
-    def _moving(self, inertias: Mapping[str, ArrayLike] | None) -> Self:
+    def _with_inertias(self, inertias: Mapping[str, ArrayLike] | None) -> Self:
         """This robot with other inertias, see `RobotOptions.inertias`; the model is copied before it is changed.
 
         Raises:

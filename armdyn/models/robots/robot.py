@@ -63,7 +63,7 @@ class Robot(Arm):
         if _payload_is_link(source, given):
             robot = replace(robot, payload=given.payload)
         else:
-            robot = robot._carrying(given.tool)._moving(given.inertias)._carrying(given.payload)
+            robot = robot._with_body(given.tool)._with_inertias(given.inertias)._with_body(given.payload)
         idle = BENCHMARKS.get(source.name, ()) if source.format == "library" else ()
         robot = robot.with_passive([joint for joint in idle if joint in robot.joint_names])
         robot = robot.with_limits(given.effort_limit, given.velocity_limit).with_torque_speed(given.torque_speed)

@@ -44,7 +44,7 @@ def _pose(x: float = 0.0, z: float = 0.0, pitch: float = 0.0, roll: float = 0.0)
 
 
 def positive_tensor(payload: Payload) -> np.ndarray:
-    """A payload's inertia about its centre of mass [kg m²], shape (3, 3), a point's made positive."""
+    """A payload's inertia about its centre of mass [kg m²], shape (3, 3); zero moments become `POINT_INERTIA`."""
     return np.asarray(payload.tensor + np.diag(np.maximum(POINT_INERTIA - np.diag(payload.tensor), 0.0)))
 
 
