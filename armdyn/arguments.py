@@ -210,7 +210,7 @@ def number(
     if array is None or array.ndim:
         raise error(f"{name} is {shown(value)}; it must be a number{f' [{unit}]' if unit else ''}")
     one = float(array)
-    if right := right_instead(one, sign, finite):
+    if right := violated_requirement(one, sign, finite):
         raise error(f"{name} is {f'{shown(value)} {unit}'.rstrip()}; it must be {right}")
     if not least <= one <= most:
         right = f"it must be at most {most:g}" if math.isinf(least) else f"expected {least:g} to {most:g}"
@@ -218,8 +218,8 @@ def number(
     return one
 
 
-def right_instead(one: float, sign: Sign, finite: bool) -> str:
-    """What a number must be, in words, if it violates a condition of `number`; empty: it violates none."""
+def violated_requirement(one: float, sign: Sign, finite: bool) -> str:
+    """Requirement of `number` in words, such as "positive and finite", if a number violates it; else empty."""
     signed = sign == "any" or one > 0 or (sign == "not negative" and one == 0)
     return _RIGHT[sign, finite] if math.isnan(one) or (finite and math.isinf(one)) or not signed else ""
 
@@ -370,7 +370,7 @@ class Checked:
 
 
 def _real(value: object) -> Array | None:
-    """An array of its own, None if it is not one of real numbers."""
+    """Copy of a value as an array of floats; None: it is no array of real numbers."""
     import numpy as np
 
     if type(value) is np.ndarray and value.dtype == float and value.size <= MOST_NUMBERS:  # inner loops come by
@@ -389,7 +389,7 @@ def _real(value: object) -> Array | None:
 
 
 def _count(value: object) -> int:
-    """Numbers that an array of it would have; lists in lists are all as long as the first, or no array."""
+    """Number of elements of nested lists, if all lists of one depth are as long as the first."""
     count = 1
     while isinstance(value, Sequence) and not isinstance(value, str | bytes) and 0 < count <= MOST_NUMBERS:
         count *= len(value)

@@ -142,7 +142,7 @@ def _complaint(message: object) -> str:
 
 
 def cut_short(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """Facts of a summary; changed if Ctrl-C came after the motion was found, during costs or reserves.
+    """Facts of a summary, marked as interrupted if Ctrl-C came after the solve, during costs or reserves.
 
     Args:
         summary: of the result; its "status" says whether the solve itself was interrupted.
@@ -162,14 +162,14 @@ def write_json(facts: Mapping[str, object]) -> None:
 @contextmanager
 def working(what: str) -> Iterator[Callable[[str], None]]:
     """Show a spinner on standard error; yields the function that updates its text."""
-    interrupts.at(what)
+    interrupts.set_step(what)
     if console.quiet or not errors.rich.is_terminal:
-        yield lambda text: interrupts.at(f"{what}: {text}")
+        yield lambda text: interrupts.set_step(f"{what}: {text}")
         return
     with errors.rich.status(escape(what)) as status:
 
         def update(text: str) -> None:
-            interrupts.at(f"{what}: {text}")
+            interrupts.set_step(f"{what}: {text}")
             status.update(escape(f"{what}: {text}"))
 
         yield update

@@ -56,7 +56,7 @@ def carry_out(command: Callable[[], Answer]) -> NoReturn:
             answer = _failure(error)
         finally:
             console.quiet = False
-    interrupts.answer()
+    interrupts.mark_reported()
     if answer.then:
         raise Followed([*answer.then, *(["--json"] if as_json and "--json" not in answer.then else [])])
     if as_json:

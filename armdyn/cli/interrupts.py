@@ -44,7 +44,7 @@ class _State:
     """Ctrl-C was pressed, and `KeyboardInterrupt` raised."""
     interrupted = False
     """Ctrl-C was pressed while a command was running, perhaps within a solve, which ends without an exception."""
-    answered = False
+    reported = False
     """The command has reported its end, or is about to."""
     doing = ""
     """The command's current step, in words."""
@@ -78,7 +78,7 @@ class Guard:
         if isinstance(error, KeyboardInterrupt):
             leave()
         if isinstance(error, SystemExit) and _State.pressed:  # code that caught it may have changed the exit code
-            if not _State.answered:  # it came just before the command's own code, or after it
+            if not _State.reported:  # it came just before the command's own code, or after it
                 leave()
             raise SystemExit(INTERRUPTED) from None
 
@@ -90,7 +90,7 @@ class Raised:
     """
 
     def __enter__(self) -> None:
-        _State.working, _State.answered, _State.saved = True, False, ""
+        _State.working, _State.reported, _State.saved = True, False, ""
         if _signal.getsignal(_signal.SIGINT) is _on_interrupt:
             reading, writing = os.pipe()
             os.set_blocking(writing, False)
@@ -101,7 +101,7 @@ class Raised:
         _State.working = False
 
 
-def at(what: str) -> None:
+def set_step(what: str) -> None:
     """Set the command's current step, for the line that follows Ctrl-C.
 
     Args:
@@ -111,7 +111,7 @@ def at(what: str) -> None:
 
 
 def saved(what: str) -> None:
-    """Set the results that are written and stay where Ctrl-C comes later.
+    """Set the results that are on disk already, for the message after a later Ctrl-C.
 
     Args:
         what: a sentence such as "the motion is saved in results".
@@ -124,9 +124,9 @@ def message() -> str:
     return f"interrupted; {_State.saved}" if _State.saved else "interrupted"
 
 
-def answer() -> None:
+def mark_reported() -> None:
     """Note that the command reports its end: no further line about the interrupt is needed."""
-    _State.answered = True
+    _State.reported = True
 
 
 def pressed() -> bool:

@@ -109,7 +109,7 @@ def studio(
     with Session(setup, folder, state) as session:
         from armdyn.show.studio.page import serve
 
-        interrupts.at("the studio")
+        interrupts.set_step("the studio")
         serve(session, host, free, partial(_print_address, folder, host, port, kept is not None))
     return Answer()
 

@@ -47,17 +47,18 @@ def plant_of(robot: Robot) -> Plant:
     if not friction.present:
         return Plant(smooth.functions["aba"], smooth.last_body)
     numbers = (smooth.last_body, *friction.per_joint(robot.nv), np.broadcast_to(friction.width, robot.nv))
-    return Plant(_rubbing(smooth), np.concatenate(numbers))
+    return Plant(_aba_with_friction(smooth), np.concatenate(numbers))
 
 
 @built_once(maxsize=64)
-def _rubbing(dynamics: Dynamics) -> ca.Function:
+def _aba_with_friction(dynamics: Dynamics) -> ca.Function:
+    """Forward dynamics (q, v, tau, p) -> a, whose parameters p also hold damping, Coulomb friction and its width."""
     nv = dynamics.nv
     q, v, tau, p = (ca.SX.sym(name, size) for name, size in (("q", nv), ("v", nv), ("tau", nv), ("p", 10 + 3 * nv)))
     body, damping, coulomb, width = ca.vertsplit(p, [0, 10, 10 + nv, 10 + 2 * nv, 10 + 3 * nv])
-    turn = 1 - 2 / (ca.exp(2 * v / width) + 1)  # tanh, in a third of its time
-    lost = damping * v + coulomb * turn
-    return ca.Function("rubbing", [q, v, tau, p], [dynamics.functions["aba"](q, v, tau - lost, body)])
+    sign = 1 - 2 / (ca.exp(2 * v / width) + 1)  # tanh, in a third of its time
+    friction = damping * v + coulomb * sign
+    return ca.Function("aba_with_friction", [q, v, tau, p], [dynamics.functions["aba"](q, v, tau - friction, body)])
 
 
 class Tables(NamedTuple):

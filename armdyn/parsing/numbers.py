@@ -67,6 +67,6 @@ def position(text: str, what: str, slides: bool | None = False, *, degrees: bool
     return math.radians(value) if unit in ("deg", "°") or bare else value
 
 
-def unit_said(text: str) -> bool:
+def has_unit(text: str) -> bool:
     """Whether a position has a unit, or is a fraction of pi."""
     return bool(_WITH_UNIT.fullmatch(text.strip())) or "pi" in text

@@ -11,7 +11,7 @@ from armdyn import models
 from armdyn.cli.invocation import flag_of, option_value
 from armdyn.cli.options.groups import TASK, Numbers, flag, group, option
 from armdyn.errors import ProblemError
-from armdyn.parsing.numbers import numbers, unit_said
+from armdyn.parsing.numbers import has_unit, numbers
 from armdyn.parsing.numbers import position as typed_position
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def positions(text: str, what: str, robot: ad.Robot) -> list[float]:
     return positions_of(robot, text, what, degrees=degrees_are_on())
 
 
-def sliding_locks(texts: Sequence[str], robot: ad.Robot) -> None:
+def check_units_of_sliding_locks(texts: Sequence[str], robot: ad.Robot) -> None:
     """Refuse --degrees for a sliding joint that is locked without a unit: JOINT=0.1.
 
     Args:
@@ -52,7 +52,7 @@ def sliding_locks(texts: Sequence[str], robot: ad.Robot) -> None:
     Raises:
         ProblemError: there is such a joint; or the robot is not from a URDF, so that its joints' kinds are unknown.
     """
-    bare = [joint for joint, _, value in (text.partition("=") for text in texts) if not unit_said(value)]
+    bare = [joint for joint, _, value in (text.partition("=") for text in texts) if not has_unit(value)]
     if not (bare and degrees_are_on()):
         return
     if not robot.urdf:

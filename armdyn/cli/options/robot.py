@@ -10,7 +10,7 @@ from armdyn import models
 from armdyn.cli.invocation import flag_of
 from armdyn.cli.options.groups import ROBOT, Numbers, argument, group, option
 from armdyn.cli.options.path_constraints import obstacles_of
-from armdyn.cli.options.poses import position, sliding_locks
+from armdyn.cli.options.poses import check_units_of_sliding_locks, position
 from armdyn.errors import ProblemError, SpecError
 
 TAKE_FILES = "mintime, bound, sweep, track, monte-carlo, tune and pid"
@@ -107,7 +107,7 @@ class PartOptions:
         tool, folders = self._tool() or tool, tuple(self.package_dir or ())
         options = ad.RobotOptions(payload=payload, tool=tool, lock=self.locks(), arm=self.part, package_dirs=folders)
         robot = ad.Robot.from_source(RobotSource.named(name), options)
-        sliding_locks(self.lock or (), robot)
+        check_units_of_sliding_locks(self.lock or (), robot)
         return robot
 
     def _of_file(self, name: str, payload: ad.Payload | None) -> ad.Robot:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import Sign, numbers, right_instead
+from armdyn.arguments import Sign, numbers, violated_requirement
 from armdyn.arrays import Array
 from armdyn.errors import ArmdynError, ProblemError, SpecError
 
@@ -49,7 +49,7 @@ def per_joint(
     if array.shape != (len(joints),) if joints is not None else array.ndim > 1 or not array.size:
         raise error(f"{name} has shape {array.shape}; expected {expected}")
     for i, number in enumerate(np.ravel(array)):
-        if right := right_instead(float(number), sign, finite):
+        if right := violated_requirement(float(number), sign, finite):
             of = f" of joint {joints[i]!r}" if joints is not None else ""
             at = f" (index {i})" if array.ndim else ""
             raise error(f"{name}{of} is {f'{number} {unit}'.rstrip()}{at}; it must be {right}")

@@ -210,7 +210,7 @@ def _reason(outcome: Outcome, printed: Printed | None) -> str:
         if case.kind != "pid":
             return outcome.message
         unstable = isinstance(growth, float) and growth >= 0
-        slow = f"{facts['goal_error']:.2g} rad off after {_length(outcome):g} s"
+        slow = f"{facts['goal_error']:.2g} rad off after {_trajectory_duration(outcome):g} s"
         return f"does not settle: {stability}" if unstable else f"settles too slowly ({slow}): {stability}"
     if printed is None:
         return stability or "the paper has no such payload"
@@ -223,7 +223,7 @@ def _reason(outcome: Outcome, printed: Printed | None) -> str:
     return f"published is {printed.value / ours:.2f} times the minimum under ±3 N m"
 
 
-def _length(outcome: Outcome) -> float:
+def _trajectory_duration(outcome: Outcome) -> float:
     return outcome.trajectory.duration if outcome.trajectory is not None else 0.0
 
 

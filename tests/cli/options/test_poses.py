@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import armdyn as ad
 from armdyn.cli.invocation import running
 from armdyn.cli.options.joints import friction_words
-from armdyn.cli.options.poses import position, positions, sliding_locks
+from armdyn.cli.options.poses import check_units_of_sliding_locks, position, positions
 from armdyn.errors import ProblemError
 from problems import CART
 
@@ -73,14 +73,14 @@ def test_a_name_that_is_not_known_says_which_are():
 
 def test_degrees_of_a_lock_that_slides_need_a_unit():
     tiago = ad.Robot.from_library("tiago", lock={"torso_lift_joint": 0.1}, arm=("arm_1_joint", "arm_4_joint"))
-    sliding_locks(["torso_lift_joint=0.1"], tiago)
+    check_units_of_sliding_locks(["torso_lift_joint=0.1"], tiago)
     with running("mintime", {}, {"degrees": True}):
-        sliding_locks(["torso_lift_joint=0.1m", "arm_5_joint=5"], tiago)
+        check_units_of_sliding_locks(["torso_lift_joint=0.1m", "arm_5_joint=5"], tiago)
         with pytest.raises(ProblemError, match="torso_lift_joint: the joint slides"):
-            sliding_locks(["torso_lift_joint=0.1"], tiago)
+            check_units_of_sliding_locks(["torso_lift_joint=0.1"], tiago)
 
 
 def test_degrees_of_a_lock_of_unknown_kind_need_a_unit():
     bare = ad.Robot.from_model(ad.Robot.from_library("panda").model)
     with running("mintime", {}, {"degrees": True}), pytest.raises(ProblemError, match="say the unit"):
-        sliding_locks(["panda_joint1=5"], bare)
+        check_units_of_sliding_locks(["panda_joint1=5"], bare)
