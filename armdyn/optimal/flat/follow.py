@@ -12,7 +12,7 @@ import numpy as np
 
 from armdyn.arrays import Array, Index
 from armdyn.dynamics.motion import Feedback, tracked
-from armdyn.dynamics.numeric import forward_dynamics, inverse_dynamics
+from armdyn.dynamics.numeric import forward_dynamics, forward_dynamics_derivatives, inverse_dynamics
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.flat.curve import CurveLeg
 from armdyn.optimal.landing.rollout import RTOL
@@ -28,6 +28,13 @@ _LONGER = 1.0, 0.1
 """Time for the replay after the deadline [s], and part of the time limit: minutes of unstable motion may take more."""
 _REST = 33
 """Most samples of a replay that the clock has cut short: it misses the goal, and checking it takes time, too."""
+_FASTER = 2.0
+"""Bandwidth of the feedback over the arm's fastest rate: from 1 on it holds an arm that falls. One that swings gains
+energy by feedback that is half a period late, which samples so close are not."""
+_PER_SAMPLE = 0.5
+"""Largest bandwidth times a sample's length: at 1 the sampled feedback would become unstable."""
+_PLACES = 17
+"""Places along a motion at which the arm's fastest rate is estimated."""
 _SPARE = 30_000
 """Largest number of accelerations in halved steps between two samples: smooth torques need none."""
 
@@ -49,7 +56,8 @@ def follow(task: Task, target: Trajectory) -> Trajectory:
     fade = np.ones(count - 1)
     if problem.continuous_torque:  # continuous torques end with the holding torque
         fade = np.minimum((count - 2 - np.arange(count - 1)) / numbers.samples, 1.0)
-    feedback = Feedback(numbers.bandwidth / target.duration, fade, 0 if limits.constant else _CLIPS)
+    bandwidth = max(numbers.bandwidth / target.duration, _bandwidth(problem.robot, target))
+    feedback = Feedback(bandwidth, fade, 0 if limits.constant else _CLIPS)
     start = np.concatenate([problem.q_start, problem.v_start])
     until = task.stop.deadline + _LONGER[0] + _LONGER[1] * task.options.time_limit
     within = limits.clip(tau, target.q, target.v)
@@ -89,6 +97,26 @@ def sample_counts(robot: Robot, leg: CurveLeg, speed: Array, numbers: CurvePolic
     needed = leg.duration * lengths * np.cbrt(np.max(worst / allowed, axis=1))
     needed = np.maximum(np.clip(needed, numbers.samples, numbers.most_samples), numbers.steps * lengths)
     return np.asarray(np.ceil(needed), dtype=int)
+
+
+def fine_enough(robot: Robot, motion: Trajectory, numbers: CurvePolicy) -> CurvePolicy:
+    """Numbers with as many samples as feedback takes to hold an arm that falls or swings during a slow motion."""
+    needed = _FASTER * _fastest_rate(robot, motion) * motion.duration / _PER_SAMPLE
+    return replace(numbers, steps=max(numbers.steps, int(np.ceil(needed))))
+
+
+def _bandwidth(robot: Robot, target: Trajectory) -> float:
+    """Bandwidth that holds an arm that falls or swings [1/s], as far as the samples allow it."""
+    return float(min(_FASTER * _fastest_rate(robot, target), _PER_SAMPLE / np.max(np.diff(target.t))))
+
+
+def _fastest_rate(robot: Robot, motion: Trajectory) -> float:
+    """Fastest rate of falling or swinging from rest along a motion [1/s]: the root of an eigenvalue of ∂a/∂q."""
+    k = np.linspace(0, motion.t.size - 1, _PLACES).astype(int)
+    still = np.zeros_like(motion.v[k])
+    hold = inverse_dynamics(robot)(motion.q[k], still, still)
+    by_q = forward_dynamics_derivatives(robot)(motion.q[k], still, hold)[1]
+    return float(np.sqrt(np.max(np.abs(np.linalg.eigvals(by_q)))))
 
 
 def forced_snap(robot: Robot, leg: CurveLeg) -> Array:

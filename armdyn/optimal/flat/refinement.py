@@ -7,7 +7,7 @@ import numpy as np
 from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.optimal.flat.equations import POINTS
 from armdyn.optimal.flat.excess import Tightening, excesses_of, larger_margin, round_words, worst_excess
-from armdyn.optimal.flat.follow import follow, sample_counts
+from armdyn.optimal.flat.follow import fine_enough, follow, sample_counts
 from armdyn.optimal.flat.nlp_data import CurveSpec, TorqueMargin
 from armdyn.optimal.flat.solve import Solved, solve_curve
 from armdyn.optimal.landing.limit_violations import can_be_slowed, constraints_mended, least_factor
@@ -286,6 +286,7 @@ def sampled(task: Task, curve: Curve, times: int = 1) -> Trajectory:
         numbers = replace(numbers, velocity_error=numbers.velocity_error_in_flight)
     dry_friction = bool(np.any(np.asarray(problem.robot.friction.coulomb) > 0))
     finer = times * (numbers.finer if dry_friction or not jumps or not numbers.cruises else 1)
+    numbers = fine_enough(problem.robot, curve.trajectory(problem.robot, jumps=jumps), numbers)
     counts = [finer * sample_counts(problem.robot, leg, problem.limits.velocity, numbers) for leg in curve.legs]
     return curve.trajectory(problem.robot, counts, jumps)
 

@@ -13,7 +13,7 @@ from armdyn.optimal.flat.refinement import sampled
 from armdyn.optimal.landing.rollout import replay_torques, ticked
 from armdyn.optimal.task.task import Task
 from optimal.flat.bends import problem
-from problems import cart
+from problems import cart, paper_arm
 
 
 def gentle(nlp_data, duration, intervals=12):
@@ -50,6 +50,15 @@ def test_states_and_torques_fit_and_land(kind, jumps):
         start = 0.9 * k
         s = np.linspace(0.01, 0.99, 50)
         np.testing.assert_allclose(motion(start + 0.9 * s).q, leg.at(s)[0], atol=1e-6)
+
+
+@pytest.mark.parametrize("goal", [(1.0, 0.5), (-1.5, 1.0)], ids=["falls", "swings"])
+def test_minutes_of_an_arm_that_falls_or_swings_are_followed(goal):
+    """Feedback by the motion's duration alone is slower than the arm falls, or later than half a swing."""
+    nlp_data = ad.MinimumTimeProblem(paper_arm("rr"), q_start=[0.0, 0.0], q_goal=goal)
+    job = Task.of(nlp_data)
+    motion = follow(job, sampled(job, gentle(nlp_data, 150.0)))
+    assert motion.t.size < 15_000 and np.max(np.abs(nlp_data.goal_error_of(motion))) < 1e-6
 
 
 def test_torque_limits_that_saturate_are_not_exceeded():
