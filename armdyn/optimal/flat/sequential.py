@@ -81,14 +81,14 @@ class Sequential:
         policy, iterations, trust = self.policy, 0, settings.trust
         eager = policy.eager if settings.eager else 0
         at = self._point(self.problem.numbers.x)
-        merit, step = self._merit(at), None
+        merit, step, base = self._merit(at), None, at
         k, last = -1, policy.patience - 1
         while k < last and (settings.most is None or k < settings.most - 1):
             k += 1
             if self.stop:
                 status, word = Status.INTERRUPTED, "interrupted"
                 break
-            taken, step, trust, tried = self._step(at, merit, trust, eager=k < eager)
+            base, (taken, step, trust, tried) = at, self._step(at, merit, trust, eager=k < eager)
             iterations += tried
             missed = (
                 at.penalties[2] > policy.other * policy.other_left and policy.other < policy.most_other * self._whole
@@ -122,7 +122,7 @@ class Sequential:
                 break
         else:
             status, word = Status.ITERATION_LIMIT, "iteration limit"
-        return self._outcome(at, step, status, word, iterations)
+        return self._outcome(at, (base, step), status, word, iterations)
 
     def _step(
         self, at: _Iterate, merit: float, trust: float, eager: bool
@@ -236,10 +236,14 @@ class Sequential:
         lower, upper = np.maximum(lower, np.minimum(low - at.x, 0)), np.minimum(upper, np.maximum(high - at.x, 0))
         return replace(program, bounds=(lower, upper))
 
-    def _outcome(self, at: _Iterate, step: QpSolution | None, status: Status, word: str, iterations: int) -> NlpResult:
-        lam_x, lam_g = np.zeros(at.x.size), np.zeros(self.problem.numbers.g_bounds[0].size)
+    def _outcome(
+        self, at: _Iterate, last: tuple[_Iterate, QpSolution | None], status: Status, word: str, iterations: int
+    ) -> NlpResult:
+        lam_x, lam_g, (base, step) = np.zeros(at.x.size), np.zeros(self.problem.numbers.g_bounds[0].size), last
         if step is not None:
             self._multipliers(step, lam_x, lam_g)
+            timed = at.sides[0].duration  # rows c <= b T are divided by the T that they are linearised at
+            lam_g[self.problem.rates(1)] *= at.x[timed] / base.x[timed]
         return NlpResult(status, word, iterations, at.x, lam_x / self._whole, lam_g / self._whole)
 
     def _multipliers(self, step: QpSolution, lam_x: Array, lam_g: Array) -> None:

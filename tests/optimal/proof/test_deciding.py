@@ -32,6 +32,12 @@ def test_speed_and_torque_share_the_time():
     assert speed.name == "slide's velocity limit"
 
 
+def test_a_curve_of_one_step_has_the_shares_of_its_end():
+    """The one quadratic program is linearised at the guess, which takes 1.2 times as long: so large was the share."""
+    (share,) = solve(on_the_rail(velocity_limit=0.01)).decides
+    assert share.limit == "velocity limit" and share.part == pytest.approx(1, rel=2e-4)
+
+
 @pytest.mark.parametrize("speed", [1.0, np.inf])
 def test_without_gravity_the_shares_are_those_of_a_change_of_pace(speed):
     """1 % slower takes speeds 1 % lower and torques 2 %: speed's shares and twice torque's are 1 together."""
