@@ -64,6 +64,16 @@ def joint_unit(slides: Iterable[object], turning: str = "rad", sliding: str = "m
     return units.pop() if len(units) == 1 else f"{turning} or {sliding}"
 
 
+def joints_of(count: int) -> str:
+    """A number of joints in words."""
+    return f"{count} joint{'' if count == 1 else 's'}"
+
+
+def short_time(seconds: float, digits: int = 3) -> str:
+    """A time in words, to some digits: in ms below a second."""
+    return f"{seconds:.{digits}g} s" if abs(seconds) >= 1 else f"{1000 * seconds:.{digits}g} ms"
+
+
 def more_payload(per_gram: float, duration: float) -> tuple[str, float]:
     """More payload in words, of a mass that changes a duration by 1 % at most, and its cost [ms].
 

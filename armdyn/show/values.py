@@ -20,7 +20,7 @@ from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.answer.solution import Solution, minimum_time_summary
 from armdyn.optimal.answer.words import verdict
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.reprs import percent
+from armdyn.reprs import joints_of, percent
 from armdyn.show.figures.style import COLORS, INK, LOOK, literal
 from armdyn.show.markup import Html, element, inline_svg, join
 from armdyn.show.page.scene import joint_poses
@@ -58,7 +58,7 @@ def _robot(robot: Robot) -> Html:
         facts["locked"] = ", ".join(f"{name} = {value:g}" for name, value in robot.locked.items())
     if robot.friction.present:
         facts["friction"] = "applied"
-    title = f"{robot.name}: {robot.nv} joint{'s' if robot.nv > 1 else ''}"
+    title = f"{robot.name}: {joints_of(robot.nv)}"
     start = np.clip(np.zeros(robot.nv), robot.limits.position_lower, robot.limits.position_upper)
     picture = robot_picture(robot, [start])
     return _card(title, facts, _joints(robot.joint_names, robot.limits), _svg(picture, title))

@@ -14,7 +14,7 @@ from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.models.robots.arm import payload_inertia
 from armdyn.models.robots.robot import Robot, expect_robot, expect_robots
-from armdyn.reprs import brief
+from armdyn.reprs import brief, joints_of
 
 Range = tuple[float, float]
 """Least and greatest; uniformly distributed."""
@@ -156,7 +156,7 @@ class Plants(Checked):
         carries = expect_robot(robot).payload is not None and robot.payload.mass > 0  # type: ignore[union-attr]
         for i, arm in enumerate(self.likely):
             if arm.nv != robot.nv:
-                raise ProblemError(f"likely[{i}] has {arm.nv} joints, {robot.name} {robot.nv}")
+                raise ProblemError(f"likely[{i}] has {joints_of(arm.nv)}, {robot.name} {robot.nv}")
         if self.loads != (1.0, 1.0) and not carries:
             raise ProblemError(
                 f"plants carry {self.loads[0]:g} to {self.loads[1]:g} times the payload of {robot.name}, which has "

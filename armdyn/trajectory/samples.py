@@ -15,7 +15,7 @@ from armdyn.arguments import Checked, checked, each, number, numbers, text
 from armdyn.arrays import Array
 from armdyn.errors import TrajectoryError
 from armdyn.files import write_whole
-from armdyn.reprs import brief
+from armdyn.reprs import brief, joints_of
 from armdyn.trajectory.formats.csv_table import CsvTable, dataframe
 from armdyn.trajectory.formats.mujoco import Mujoco
 from armdyn.trajectory.formats.ros2 import joint_trajectory
@@ -78,7 +78,7 @@ def check_shapes(motion: Any, arrays: Sequence[str]) -> None:
         if len(shape) != 2 or shape[0] != n:
             raise TrajectoryError(f"{field} has shape {shape}; expected ({n}, joints) as t has {n} samples")
     if (count := len(motion.joint_names)) and count != motion.v.shape[1]:
-        raise TrajectoryError(f"{count} joint names for {motion.v.shape[1]} joints")
+        raise TrajectoryError(f"{count} joint names for {joints_of(motion.v.shape[1])}")
 
 
 @brief

@@ -14,7 +14,7 @@ from armdyn.arguments import Checked, checked, expect, number, numbers, one_of, 
 from armdyn.arrays import Array, Flags
 from armdyn.errors import TrajectoryError
 from armdyn.rendering import renderer
-from armdyn.reprs import brief, called
+from armdyn.reprs import brief, called, joints_of
 from armdyn.trajectory import npz
 from armdyn.trajectory.interpolation import cubic
 from armdyn.trajectory.pieces import JOIN_TOLERANCE, Load, Piece, check_pieces, cut, joined, split, to_text
@@ -185,7 +185,7 @@ class Trajectory(Checked):
         return [
             called(self.name) if self.name else "without a name",
             f"{self.duration:.6g} s",
-            f"{joints} joint{'s' if joints > 1 else ''}",
+            joints_of(joints),
             f"{self.t.size} samples",
             *([f"{len(self.pieces)} pieces"] if len(self.pieces) > 1 else []),
         ]

@@ -151,6 +151,7 @@ def test_a_planner_is_measured_by_the_accelerations_that_it_had_to_keep(motion, 
         (0.2 - 7e-15, "no faster: it takes as long as the fastest that was found"),
         (0.2 + 7e-15, "no faster: it takes as long as the fastest that was found"),
         (0.25, "50 ms faster: 20 % less time"),
+        (2000.0, "2000 s faster: more than 99.9 % less time"),
         (0.199, "no faster: it takes 1 ms less than the fastest that was found: it breaks a limit"),
     ],
 )

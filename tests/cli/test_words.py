@@ -100,5 +100,9 @@ def test_the_tip_and_the_payloads_place():
 
 
 def test_the_replay_is_in_the_units_of_the_joints():
-    assert "rad or m of the goal" in replay_words(bounded(0.0).certificate, np.array([True, False]))
-    assert " m of the goal" in replay_words(bounded(0.0).certificate, np.array([True]))
+    missed = replace(bounded(0.0).certificate, goal_error=0.1, goal_velocity_error=0.3, gap=None)
+    for slides, unit, speed in (((True, False), "rad or m", "rad/s or m/s"), ((True,), "m", "m/s")):
+        certificate = replace(missed, slides=slides)
+        assert f" {unit} of the goal" in replay_words(certificate)
+        position, velocity = (one for one in certificate.reasons if "misses" in one)
+        assert position.endswith(f" 0.1 {unit}") and velocity.endswith(f" 0.3 {speed}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import isfinite
 from pathlib import Path
 
 import armdyn as ad
@@ -14,7 +15,7 @@ from armdyn.cli.options.path_constraints import RateOptions
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.errors import ProblemError
-from armdyn.reprs import joint_unit
+from armdyn.reprs import joint_unit, short_time
 
 MOTIONS = ("trajectory", "optimum")
 
@@ -111,7 +112,10 @@ def _words(found: ad.TimeOptimality) -> dict[str, str]:
     worst = found.worst_violation
     kept = "kept" if worst is None else f"{'kept to within 0.1 %' if found.feasible else 'BROKEN'}; worst: {worst}"
     words["limits"] = kept
-    words["replayed torques end"] = f"{found.replay_error:.2g} {joint_unit(slides)} from its end{found.unstable}"
+    apart = f"{found.replay_error:.2g} {joint_unit(slides)} from"
+    words["replayed torques end"] = (
+        f"{apart if isfinite(found.replay_error) else 'nowhere near'} its end{found.unstable}"
+    )
     idle = [f"{name} {100 * part:.0f} %" for name, part in zip(names, found.idle, strict=True)]
     words["on no limit"] = ", ".join(idle) + " of the time"
     return words
@@ -119,6 +123,8 @@ def _words(found: ad.TimeOptimality) -> dict[str, str]:
 
 _AT_REST = 1e-5
 """Velocity at an end that is said [rad/s or m/s]: a planner's positions alone may not show that it rests there."""
+_NEARLY_ALL = 99.9
+"""Saving [%] beyond which none is given: 100 % cannot be saved."""
 _ROUNDING = 1e-9
 """Largest relative difference of equal durations: the replay is aimed to 1e-9."""
 
@@ -129,7 +135,8 @@ def _could(found: ad.TimeOptimality) -> str:
         return "no faster: it takes as long as the fastest that was found"
     if found.gap >= 0:
         saved = 100 * (1 - found.optimal_duration / found.duration)
-        return f"{1e3 * found.gap:.4g} ms faster: {saved:.3g} % less time"
+        less = f"{saved:.3g}" if saved < _NEARLY_ALL else f"more than {_NEARLY_ALL:g}"
+        return f"{short_time(found.gap, 4)} faster: {less} % less time"
     missed = "the search missed it, or limits are exceeded between samples"
     why = missed if found.feasible else "it breaks a limit"
-    return f"no faster: it takes {-1e3 * found.gap:.4g} ms less than the fastest that was found: {why}"
+    return f"no faster: it takes {short_time(-found.gap, 4)} less than the fastest that was found: {why}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import armdyn as ad
 from armdyn.cli.invocation import in_options
-from armdyn.reprs import joint_unit, more_payload
+from armdyn.reprs import joint_unit, more_payload, short_time
 
 
 def title_words(solution: ad.Solution) -> str:
@@ -59,10 +59,10 @@ def solution_words(solution: ad.Solution) -> dict[str, str]:
     if solution.decides and solution.moves:
         most = solution.decides[0]
         shares = ", ".join(f"{one.name} {100 * one.part:.3g} %" for one in solution.decides[:3])
-        saved = f"1 % more of the first saves {10 * most.part * solution.duration:.3g} ms"
+        saved = f"1 % more of the first saves {short_time(most.part * solution.duration / 100)}"
         facts["time decided by"] = f"{shares}{' …' if len(solution.decides) > 3 else ''}; {saved}"
     if solution.calm and solution.moves:
-        facts["calm joints"] = f"take {1000 * solution.calm:.2g} ms of it; --calm 0 is the fastest"
+        facts["calm joints"] = f"take {short_time(solution.calm, 2)} of it; --calm 0 is the fastest"
     if (by := solution.sensitivities()) is not None:
         more, cost = more_payload(by.payload_mass, solution.duration)
         facts["payload"] = f"{more} costs {cost:.3g} ms"

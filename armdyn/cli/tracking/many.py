@@ -164,7 +164,7 @@ def _words(found: ad.MonteCarlo, within: float, reference: ad.Trajectory) -> dic
     times = [f"{time:.4f} s" if time < float("inf") else "never" for time in found.quantiles()]
     parts = zip(times, ("median", "90 %", "99 %", "worst"), strict=True)
     worst, beyond = found.worst, found.beyond_limits
-    limits = {}
+    limits, load = {}, "" if worst.sample.payload == 1 else f"{worst.sample.payload:.4g} times the payload, "
     if beyond:
         first = f"; most by arm {beyond[0].k}: {'; '.join(beyond[0].limits_exceeded)}"
         limits["limits exceeded"] = f"by {len(beyond)} of {len(found.rows)} arms, settled or not{first}"
@@ -172,6 +172,6 @@ def _words(found: ad.MonteCarlo, within: float, reference: ad.Trajectory) -> dic
         "reference": f"{reference.duration:.4f} s",
         f"settled within {within:g} s": str(found.success(within)),
         "settled time": ", ".join(f"{time} ({part})" for time, part in parts),
-        "worst arm": f"{worst.k}, {worst.sample.payload:.4g} times the payload, {worst.status.replace('_', ' ')}",
+        "worst arm": f"{worst.k}, {load}{worst.status.replace('_', ' ')}",
         **limits,
     }

@@ -25,7 +25,7 @@ from armdyn.models.values.per_joint import per_joint
 from armdyn.models.values.spec import Payload, Tool
 from armdyn.models.values.urdf import TIP, positive_tensor
 from armdyn.rendering import renderer
-from armdyn.reprs import brief, called
+from armdyn.reprs import brief, called, joints_of
 
 _OTHER_FRAMES = (pin.FrameType.OP_FRAME, pin.FrameType.FIXED_JOINT, pin.FrameType.JOINT, pin.FrameType.SENSOR)
 
@@ -90,14 +90,14 @@ class Arm(Checked):
         expect(self.locked, Mapping, "locked of a robot", error=SpecError)  # type: ignore[type-abstract]
         count, limits = len(self.joint_names), self.limits.velocity.size
         if not count == limits == self.model.nv:
-            raise SpecError(f"a robot of {self.model.nv} joints has {count} joint names and {limits} limits")
+            raise SpecError(f"a robot of {joints_of(self.model.nv)} has {count} joint names and {limits} limits")
 
     def _of_whom(self) -> str:
         return " of a robot"
 
     def _repr_parts(self) -> list[str]:
         """Parts of the `repr`."""
-        parts = [called(self.name), f"{self.nv} joint{'s' if self.nv > 1 else ''}", f"tip {called(self.tip)}"]
+        parts = [called(self.name), joints_of(self.nv), f"tip {called(self.tip)}"]
         parts += [f"payload {self.payload.mass:g} kg"] if self.payload is not None else []
         parts += ["with friction"] if self.friction.present else []
         return parts + ([f"{len(self.locked)} locked"] if self.locked else [])

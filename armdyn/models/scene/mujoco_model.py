@@ -16,6 +16,7 @@ from armdyn.models.reading.nearest_inertia import nearest_physical
 from armdyn.models.reading.urdf_check import POINT_MASS
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.scene.bodies import Body, bodies, sizes_of
+from armdyn.reprs import joints_of
 from armdyn.trajectory.formats.mujoco import Mujoco, xml_name
 from armdyn.trajectory.samples import Samples
 
@@ -77,7 +78,7 @@ def mujoco_model(
             SubElement(actuators, "motor", {"name": xml_name(name), "joint": xml_name(name), **limited})
     if samples is not None:
         if expect(samples, Samples, "samples", "motion.resample(1000)").q.shape[1] != robot.nv:
-            raise ProblemError(f"the motion has {samples.q.shape[1]} joints; {robot.name} has {robot.nv}")
+            raise ProblemError(f"the motion has {joints_of(samples.q.shape[1])}; {robot.name} has {robot.nv}")
         targets = _servos(actuators, robot, samples) if flag(feedback, "feedback") and motors else None
         root.append(_keyframes(samples, motors, targets))
     ElementTree.indent(root)

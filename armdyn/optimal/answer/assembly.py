@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from armdyn.arrays import Flags
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.answer.words import replay_words
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -141,8 +140,7 @@ def _certified_first(task: Task, optima: list[Optimum], bound: float | None) -> 
 
 def with_certificate(solution: Solution, certificate: Certificate) -> Solution:
     """Replace a solution's certificate, and its message accordingly."""
-    slides = solution.problem.robot.slides
-    before, after = (_solved(one, solution.duration, slides) for one in (solution.certificate, certificate))
+    before, after = (_solved(one, solution.duration) for one in (solution.certificate, certificate))
     return replace(solution, certificate=certificate, message=solution.message.replace(before, after))
 
 
@@ -204,7 +202,7 @@ def _others(task: Task, best: float, known: Iterable[float], listed: Iterable[fl
 
 
 def _message(task: Task, status: Status, optimum: Optimum, found: SearchResult) -> str:
-    certificate, duration, slides = optimum.certificate, optimum.trajectory.duration, task.problem.robot.slides
+    certificate, duration = optimum.certificate, optimum.trajectory.duration
     if status is Status.INFEASIBLE:
         return f"{found.failed[0].message}; without obstacles the fastest motion found takes {duration:.6g} s"
     if not any(_rank(task, optimum)) and status is not Status.INTERRUPTED:
@@ -213,12 +211,12 @@ def _message(task: Task, status: Status, optimum: Optimum, found: SearchResult) 
             "" if holding_deficit is None else f"; not usable: the arm cannot stay at the goal: {holding_deficit.words}"
         )
         ended = "" if status is Status.SOLVED else f"{ended_by_time(task.options.time_limit)}; "
-        return ended + _solved(certificate, duration, slides) + stays
+        return ended + _solved(certificate, duration) + stays
     if status is Status.REPLAY_MISSED:
-        unit, speed = joint_unit(slides), joint_unit(slides, "rad/s", "m/s")
+        unit, speed = (joint_unit(certificate.slides, *units) for units in (("rad", "m"), ("rad/s", "m/s")))
         tolerance = f"(tolerance {task.options.replay_tolerance:g} {unit})"
         if certificate.replay == "segments" or not certificate.repeats:
-            return f"{replay_words(certificate, slides)} {tolerance}"
+            return f"{replay_words(certificate)} {tolerance}"
         return (
             f"the torques that collocation found end {certificate.goal_error:.2g} {unit} from the goal and "
             f"{certificate.goal_velocity_error:.2g} {speed} from its velocity when replayed {tolerance}; "
@@ -236,7 +234,7 @@ def _message(task: Task, status: Status, optimum: Optimum, found: SearchResult) 
     return said
 
 
-def _solved(certificate: Certificate, duration: float, slides: Flags) -> str:
+def _solved(certificate: Certificate, duration: float) -> str:
     reasons = "; ".join(certificate.reasons)
     verdict = f"not certified: {reasons}" if reasons else "certified"
-    return f"{duration:.9g} s; {replay_words(certificate, slides)}; {verdict}"
+    return f"{duration:.9g} s; {replay_words(certificate)}; {verdict}"

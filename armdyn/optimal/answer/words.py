@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from armdyn.arrays import Flags
 from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import Certificate
-from armdyn.reprs import gap_words, joint_unit, percent
+from armdyn.reprs import gap_words, joint_unit, joints_of, percent, short_time
 
 if TYPE_CHECKING:
     from armdyn.optimal.answer.solution import Solution
@@ -74,10 +73,10 @@ def checks(solution: Solution) -> list[Check]:
         kept = str(certificate.exceeded)
     preset = solution.problem.preset
     seen = None if preset is None else preset.check(solution.trajectory)
-    slides = solution.problem.robot.slides
-    velocity = f"velocity within {certificate.goal_velocity_error:.1e} {joint_unit(slides, 'rad/s', 'm/s')}"
+    speed = joint_unit(certificate.slides, "rad/s", "m/s")
+    velocity = f"velocity within {certificate.goal_velocity_error:.1e} {speed}"
     return [
-        ("lands", certificate.lands, f"{replay_words(certificate, slides)}; {velocity}"),
+        ("lands", certificate.lands, f"{replay_words(certificate)}; {velocity}"),
         ("keeps its limits", certificate.keeps_limits, kept),
         *((one.name, not one.reasons, "; ".join(one.reasons) or one.said) for one in solution.constraint_reports),
         *([] if seen is None else [("controller", seen.ok, str(seen))]),
@@ -127,14 +126,14 @@ def standing(solution: Solution) -> dict[str, Any]:
 def paragraph(solution: Solution) -> str:
     """A solution in words: duration, verdict, replay, limits that decide the time, statistics of the search."""
     robot = solution.problem.robot
-    name, joints = " ".join(robot.name.split()), f"{robot.nv} joint{'s' if robot.nv > 1 else ''}"
+    name, joints = " ".join(robot.name.split()), joints_of(robot.nv)
     said = [assessment(solution)]
     if solution.moves:
         said.insert(0, f"The fastest motion found for {name}, {joints}, takes {solution.duration:.6f} s.")
     else:
         said = [said[0].replace("was found:", f"was found for {name}, {joints}:", 1)]
     if solution.feasible and solution.moves:
-        words = replay_words(solution.certificate, solution.problem.robot.slides)
+        words = replay_words(solution.certificate)
         said.append(f"{words[0].upper()}{words[1:]}.")
     said += [_decided(solution), _calmed(solution)]
     if solution.lower_bound is not None and solution.moves:
@@ -149,13 +148,9 @@ def paragraph(solution: Solution) -> str:
     return " ".join(filter(None, said))
 
 
-def replay_words(certificate: Certificate, slides: Flags) -> str:
-    """Result of a motion's replay in words: open loop, or by segments and under feedback.
-
-    Args:
-        certificate: of the motion.
-        slides: joints that slide instead of turning, shape (nv,).
-    """
+def replay_words(certificate: Certificate) -> str:
+    """Result of a motion's replay in words: open loop, or by segments and under feedback."""
+    slides = certificate.slides
     within = f"ends within {certificate.goal_error:.1e} {joint_unit(slides)} of the goal"
     if certificate.replay == "curve":
         return f"{within}, torques by inverse dynamics; not replayed"
@@ -180,7 +175,7 @@ def _calmed(solution: Solution) -> str:
     if not (solution.calm and solution.usable):
         return ""
     part = percent(solution.calm / (solution.duration - solution.calm))
-    return f"{1000 * solution.calm:.2g} ms of it ({part}) are given for calm joints: calm = 0 is the fastest."
+    return f"{short_time(solution.calm, 2)} of it ({part}) are given for calm joints: calm = 0 is the fastest."
 
 
 def _decided(solution: Solution) -> str:
@@ -189,5 +184,5 @@ def _decided(solution: Solution) -> str:
         return ""
     most = solution.decides[0]
     shares = ", ".join(f"{one.name} ({100 * one.part:.3g} %)" for one in solution.decides[:_MOST_LIMITS])
-    saved = f"1 % more of the first would save {10 * most.part * solution.duration:.3g} ms"
+    saved = f"1 % more of the first would save {short_time(most.part * solution.duration / 100)}"
     return f"Its time is decided by {shares}; {saved}."

@@ -17,6 +17,7 @@ from armdyn.models.robots.loads import robots_of
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.optimal.task.tableau import GAUSS_3
 from armdyn.optimal.task.task import Task
+from armdyn.reprs import joints_of
 from armdyn.trajectory import Trajectory
 
 RTOL = 1e-11
@@ -112,7 +113,7 @@ def expect_motion_of(robot: Robot, trajectory: Trajectory) -> None:
     own = {trajectory.q.shape[1], trajectory.v.shape[1]} - {robot.nv}
     if own:
         names = ", ".join(robot.joint_names)
-        raise TrajectoryError(f"the trajectory has {own.pop()} joints; {robot.name} has {robot.nv}: {names}")
+        raise TrajectoryError(f"the trajectory has {joints_of(own.pop())}; {robot.name} has {robot.nv}: {names}")
 
 
 _AGREES = 1e-9

@@ -290,6 +290,7 @@ def _solution(
     certificate = Certificate(
         float(np.max(error[: problem.robot.nv])), float(np.max(error[problem.robot.nv :])),
         exceeded.value if exceeded else 0.0, exceeded=exceeded, remark=_REMARK, replay="curve",
+        slides=tuple(problem.robot.slides.tolist()),
     )  # fmt: skip
     reaches = status not in (Status.FOLLOWED, Status.STOPPED)
     report = None if distances is None else distances.report

@@ -21,7 +21,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.proof.pontryagin import idle_joints, pontryagin
 from armdyn.optimal.task.options import REPLAY_TOLERANCE
-from armdyn.reprs import brief, percent
+from armdyn.reprs import brief, joint_unit, percent
 from armdyn.trajectory import Trajectory
 
 GOAL_TOLERANCE = 1e-6
@@ -100,6 +100,7 @@ class Certificate:
         t: times of the costates [s], shape (K,).
         costate: ρ at those times, for (q, v), shape (K, 2 nv).
         switching: S = ∂H/∂τ at those times, shape (K, nv).
+        slides: whether each joint slides, for the units in `reasons`; empty: unknown.
     """
 
     goal_error: float
@@ -125,6 +126,7 @@ class Certificate:
     t: Array = field(default_factory=lambda: np.empty(0), repr=False)
     costate: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
     switching: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
+    slides: tuple[bool, ...] = field(default=(), repr=False)
 
     @property
     def lands(self) -> bool:
@@ -188,9 +190,11 @@ class Certificate:
             return ()
         if not np.isfinite(self.goal_error):
             return (self.remark or "there is no motion to check",)
+        missed, unit = "the replay misses the goal", joint_unit(self.slides)
+        speed = joint_unit(self.slides, "rad/s", "m/s")
         wrong = _beyond(
-            ("the replay misses the goal by {:.2g} rad", self.goal_error, min(GOAL_TOLERANCE, self.landing)),
-            ("the replay misses the goal's velocity by {:.2g} rad/s", self.goal_velocity_error, VELOCITY_TOLERANCE),
+            (f"{missed} by {{:.2g}} {unit}", self.goal_error, min(GOAL_TOLERANCE, self.landing)),
+            (f"{missed}'s velocity by {{:.2g}} {speed}", self.goal_velocity_error, VELOCITY_TOLERANCE),
             ("a segment ends {:.2g} from the next sample", self.segment_error or 0.0, SEGMENT_TOLERANCE),
             ("a limit is exceeded by {:.2g} of it", self.limit_violation, LIMIT_TOLERANCE),
         )
@@ -267,7 +271,8 @@ def certify(
     goal_velocity = float(np.max(np.abs(replay.v[-1] - problem.v_goal)))
     exceeded = worst_violation(problem.robot, problem.limits, replay)
     limit = exceeded.value if exceeded else 0.0
-    plain = Certificate(goal, goal_velocity, limit, remark=remark, exceeded=exceeded)
+    slides = tuple(problem.robot.slides.tolist())
+    plain = Certificate(goal, goal_velocity, limit, remark=remark, exceeded=exceeded, slides=slides)
     if phases is None:
         return plain
     hamiltonian, switching, sign = pontryagin(problem, phases)

@@ -15,6 +15,7 @@ from armdyn.optimal.task.options import LEAST_TOLERANCE, RELATIVE_GOAL_TOLERANCE
 from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.tableau import Scheme
 from armdyn.parallel import SharedPool, shared_pool
+from armdyn.reprs import joints_of
 
 Result = TypeVar("Result")
 
@@ -84,7 +85,7 @@ class Task:
         for k, guess in enumerate(options.guesses):
             if guess.q.shape[1] != problem.robot.nv:
                 name, joints = problem.robot.name, problem.robot.nv
-                raise ProblemError(f"options.guesses[{k}] moves {guess.q.shape[1]} joints, {name} has {joints}")
+                raise ProblemError(f"options.guesses[{k}] moves {joints_of(guess.q.shape[1])}, {name} has {joints}")
         dynamics = Dynamics(problem.robot, free_last_body=True)
         return cls(
             problem,

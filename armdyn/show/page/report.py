@@ -18,6 +18,7 @@ import numpy as np
 
 from armdyn.errors import TrajectoryError
 from armdyn.files import write_whole
+from armdyn.reprs import joints_of
 from armdyn.show.markup import Html, asset, element, fill, join, packed_text, script, script_json, viewer_script
 from armdyn.show.page import joints, sections
 from armdyn.show.page.cycle import costs_section, parts_in, step_data, steps_section
@@ -102,7 +103,7 @@ def report_of(
     first = moves[0]
     verdict = verdict_of(first.facts)
     count = len(subject.joints)
-    lead = [f"{count} joint{'s' if count > 1 else ''}"]
+    lead = [joints_of(count)]
     if subject.robot is not None and subject.robot.payload is not None and subject.robot.payload.mass:
         lead.append(f"payload {1000 * subject.robot.payload.mass:g} g")
     if steps := first.facts.parts("steps"):

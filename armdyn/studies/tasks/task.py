@@ -13,6 +13,7 @@ from armdyn.arguments import expect
 from armdyn.errors import ArmdynError, ArmdynWarning, ProblemError
 from armdyn.files import as_json
 from armdyn.models.robots.robot import Robot
+from armdyn.reprs import joints_of
 from armdyn.studies.rows import Value
 from armdyn.trajectory import Trajectory
 
@@ -112,6 +113,6 @@ def motion_from(data: bytes, robot: Robot) -> Trajectory:
         unpacked = zlib.decompressobj().decompress(data, _MOST_BYTES)
         rows = np.frombuffer(unpacked, dtype="<f8").reshape(-1, columns)
     except (zlib.error, ValueError):
-        raise ProblemError(f"a neighbour's motion is damaged, or not of {robot.nv} joints") from None
+        raise ProblemError(f"a neighbour's motion is damaged, or not of {joints_of(robot.nv)}") from None
     t, q, v, tau = np.split(rows, [1, 1 + robot.nv, 1 + 2 * robot.nv], axis=1)
     return Trajectory(t=t[:, 0], q=q, v=v, tau=tau, joint_names=robot.joint_names, model_hash=robot.model_hash)
