@@ -208,7 +208,7 @@ class CaseRun:
         while left and not self.stop:
             rows, motions = list[StudyRow](), dict[int, bytes]()
             for one in self.executor.ended(_LISTEN):
-                result = self._settled(one)
+                result = self._accepted(one)
                 if result is None:
                     if self.stop and one.result:  # its rows so far in this process
                         self.ended(self._row(one, one.result), one.result)
@@ -242,7 +242,7 @@ class CaseRun:
             self.executor.give([StudyCase(k=k, settings=settings, guess=motion, begun_from=later, revisit=True)])
             while not (reports := self.executor.ended(_LISTEN)) and not self.stop:
                 pass
-            result = None if self.stop or not reports else self._settled(reports[0])
+            result = None if self.stop or not reports else self._accepted(reports[0])
             if result is None:
                 return
             row, motions = self._row(reports[0], result), dict[int, bytes]()
@@ -261,7 +261,7 @@ class CaseRun:
         while (count := self.executor.batch_size(len(self.waiting))) and (chosen := self._take(count)):
             motions, cases = dict(fresh), list[StudyCase]()
             for k in chosen:
-                near = self._near(k)
+                near = self._guess_cases(k)
                 begun_from = next((n for n in near if n in self.moved), None)
                 if begun_from is not None and begun_from not in motions:
                     motions[begun_from] = self.rows.motion(begun_from)  # one object, and so pickled once
@@ -270,7 +270,7 @@ class CaseRun:
                 cases.append(StudyCase(k=k, settings=settings, guess=guess, begun_from=begun_from, near=near))
             self.executor.give(cases)
 
-    def _near(self, k: int) -> tuple[int, ...]:
+    def _guess_cases(self, k: int) -> tuple[int, ...]:
         """Cases whose motion may be the guess of a case, the nearest first."""
         kind = self.cases.task.neighbours
         near = () if kind == "off" else self.cases.nearest(k)
@@ -283,7 +283,7 @@ class CaseRun:
             count = int(not first or first - 1 in self.done)
         return [self.waiting.popleft() for _ in range(min(count, len(self.waiting)))]
 
-    def _settled(self, one: Ended) -> CaseResult | None:
+    def _accepted(self, one: Ended) -> CaseResult | None:
         """Result of a case; None if it is to be repeated."""
         k, result = one.k, one.result
         self.deaths[k] = self.deaths.get(k, 0) + one.deaths + (result is None and not one.deaths)

@@ -206,7 +206,7 @@ class Study(Cases, Checked):
 
     def nearest(self, k: int) -> tuple[int, ...]:
         """Cases of the same arm, the nearest first."""
-        tree, count = self._near, min(_NEAR, len(self) - 1)
+        tree, count = self._tree, min(_NEAR, len(self) - 1)
         if not count:
             return ()
         distances, numbers = tree.query(tree.data[k], k=count + 1)
@@ -214,7 +214,7 @@ class Study(Cases, Checked):
         return tuple(int(n) for distance, n in pairs if distance <= _SAME_ARM and int(n) != k)
 
     @cached_property
-    def _near(self) -> Any:
+    def _tree(self) -> Any:
         """Places of the cases as scipy's tree."""
         from scipy.spatial import cKDTree
 
