@@ -15,7 +15,7 @@ _NICE = 10
 
 
 def main() -> None:
-    """Compiler, library and source are on standard input, one after the other; the owner's pipe is the argument."""
+    """Build a library; compiler, library and source are on standard input, the owner's pipe is the argument."""
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(1))  # runs all cleanup
     for line in sys.argv[1:]:
         threading.Thread(target=_end_with_owner, args=(int(line),), daemon=True).start()

@@ -62,7 +62,7 @@ static inline __attribute__((always_inline)) V turned(V x, int quarter) {
 
 
 class UnwrittenError(Exception):
-    """An instruction that has no C here: go on without. It never leaves a solve."""
+    """An instruction of CasADi for which there is no C here; caught in every solve, which then has no such code."""
 
 
 def prelude() -> str:

@@ -47,7 +47,7 @@ def replayed(robot: Robot, motion: Trajectory, rtol: float, spare: int) -> Array
         robot: the arm.
         motion: only its first state, times and torques are used.
         rtol: relative tolerance of a step; absolute 1e-2 of that.
-        spare: accelerations that repeated steps may take.
+        spare: number of evaluations of the acceleration that repeated steps may take.
 
     Returns:
         States at the samples, up to the first that is not finite or cannot be reached, shape (m, 2 nv).
@@ -116,7 +116,9 @@ def tracked(
 
 
 class Collocation:
-    """Implicit steps through many segments, half of them in a second thread; to be called by one thread at a time.
+    """Implicit Runge-Kutta steps through many segments, with the sensitivities of their end states.
+
+    Half of the segments may run in a second thread; to be called by one thread at a time.
 
     Newton's method on the accelerations at the stages, with Pinocchio's derivatives of the forward dynamics at the
     middle of the step. The same linear equations yield how the end state depends on the start state and on a constant

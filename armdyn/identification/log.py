@@ -18,7 +18,7 @@ from armdyn.errors import ArmdynError, LogError, MissingPackageError, Trajectory
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
-from armdyn.trajectory.npz import is_own
+from armdyn.trajectory.npz import is_trajectory_file
 from armdyn.trajectory.planned import read_planned
 
 BAGS = (".mcap", ".db3", ".bag")
@@ -150,7 +150,7 @@ class Log(Checked):
         if os.path.isdir(file) or file.suffix.lower() in BAGS:  # noqa: PTH112  # False for a name that is too long
             return cls._of_bag(file, joint_names)
         try:
-            if file.suffix.lower() == ".npz" and file.is_file() and is_own(file):
+            if file.suffix.lower() == ".npz" and file.is_file() and is_trajectory_file(file):
                 return replace(cls.of(Trajectory.load(file)), name=file.name)
             found = read_planned(file, joint_names)
         except TrajectoryError as error:

@@ -118,7 +118,7 @@ def cases_of(number: int, payload: float, rule: ArrivalRule = PAPER_RULE) -> lis
 
 
 def neighbour(case: Case, cases: Collection[Case], root: float) -> Case | None:
-    """The case whose optimum is where the search for another's begins: with the next payload on the way to the root's.
+    """Case whose optimum is the initial guess of another: the same one with the next payload towards the root's.
 
     Args:
         case: to be solved.

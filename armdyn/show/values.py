@@ -70,7 +70,7 @@ def _problem(problem: MinimumTimeProblem) -> Html:
     ends = {"start": problem.q_start, "goal": problem.q_goal}
     facts = {"to do": "from start to goal in minimum time" + (" and effort" if problem.pays_effort else "")}
     if problem.path_constraint_names:
-        facts["along the way"] = ", ".join(problem.path_constraint_names)
+        facts["path constraints"] = ", ".join(problem.path_constraint_names)
     if problem.reserves.any:
         facts["kept for feedback"] = "part of the limits; those below are reduced by it"
     title = f"Minimum time of {problem.robot.name}"

@@ -90,7 +90,7 @@ def opened(path: str | os.PathLike[str]) -> Iterator[zipfile.ZipFile]:
         raise TrajectoryError(f"{path}: not a readable npz trajectory ({str(error)[:_LONGEST]})") from None
 
 
-def is_own(path: str | os.PathLike[str]) -> bool:
+def is_trajectory_file(path: str | os.PathLike[str]) -> bool:
     """Whether a file has the member names of `write`; its content is not checked."""
     try:
         with opened(path) as file:

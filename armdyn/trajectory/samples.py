@@ -187,7 +187,7 @@ def samples_of(motion: Trajectory, rate: float | None) -> Samples:
         )
     if motion.duration < LEAST_STAMP:
         raise TrajectoryError(f"the motion lasts {motion.duration:.3g} s; expected at least {LEAST_STAMP:g} s")
-    t = _own(motion) if rate is None else _even(motion.duration, rate)
+    t = _own_times(motion) if rate is None else _even_times(motion.duration, rate)
     with np.errstate(over="ignore", invalid="ignore"):  # overflows are refused by name
         state = motion(np.minimum(motion.t[0] + t, motion.t[-1]))
         q, v = (np.vstack([known[:-1], end[-1:]]) for known, end in ((state.q, motion.q), (state.v, motion.v)))
@@ -199,7 +199,7 @@ def samples_of(motion: Trajectory, rate: float | None) -> Samples:
     )  # fmt: skip
 
 
-def _even(duration: float, rate: float) -> Array:
+def _even_times(duration: float, rate: float) -> Array:
     """Multiples of the period from the start, and the end [s], shape (n,)."""
     rate = number(rate, "rate", unit="Hz", sign="positive", most=MOST_RATE, error=TrajectoryError)
     ticks = duration * rate
@@ -209,7 +209,7 @@ def _even(duration: float, rate: float) -> Array:
     return np.append(whole / rate, duration)
 
 
-def _own(motion: Trajectory) -> Array:
+def _own_times(motion: Trajectory) -> Array:
     """The motion's own times from the start [s], shape (n,), each `LEAST_STAMP` or more after the one before."""
     own = motion.t - motion.t[0]
     kept = [0]

@@ -73,13 +73,13 @@ def _motion(
 ) -> tuple[ad.Trajectory | Planned, tuple[str, ...]]:
     """The motion of a file, and the names of its joints."""
     from armdyn.cli.reports.saved import motion_of
-    from armdyn.trajectory.npz import is_own
+    from armdyn.trajectory.npz import is_trajectory_file
     from armdyn.trajectory.planned import joint_names_in, read_planned
 
     file = file / "trajectory.npz" if file.is_dir() else file
     if arm is not None:
         preset.expect_joints(arm.joint_names)
-    if file.suffix.lower() == ".npz" and file.is_file() and is_own(file):
+    if file.suffix.lower() == ".npz" and file.is_file() and is_trajectory_file(file):
         motion = ad.Trajectory.load(file)
         return motion, motion.joint_names
     names = joint_names_in(file, preset.joints) if arm is None else arm.joint_names

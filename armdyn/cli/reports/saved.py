@@ -16,7 +16,7 @@ from armdyn.errors import FileError, TrajectoryError
 from armdyn.show.page.facts import Facts
 from armdyn.show.results import load_result
 from armdyn.trajectory import Trajectory
-from armdyn.trajectory.npz import is_own
+from armdyn.trajectory.npz import is_trajectory_file
 from armdyn.trajectory.planned import SUFFIXES, read_planned
 
 _REFERENCE_FILES = ("reference.npz", "optimum.npz")
@@ -79,7 +79,7 @@ def is_given(path: Path) -> bool:
     suffix = path.suffix.lower()
     if path.is_dir() or path.name == "result.json" or suffix not in SUFFIXES:
         return False
-    return suffix != ".npz" or (path.is_file() and not is_own(path))
+    return suffix != ".npz" or (path.is_file() and not is_trajectory_file(path))
 
 
 def motion_of(robot: ad.Robot, file: Path) -> Trajectory:
@@ -88,7 +88,7 @@ def motion_of(robot: ad.Robot, file: Path) -> Trajectory:
     Raises:
         TrajectoryError: it cannot be read, is of another robot, or its positions are degrees.
     """
-    if is_own(file):
+    if is_trajectory_file(file):
         return Trajectory.load(file)
     planned = read_planned(file, robot.joint_names)
     _refuse_degrees(robot, file, planned.q)

@@ -97,7 +97,7 @@ def reference_of(robot: Robot, ticks: Ticks, loop: Loop) -> Ticks:
         raise ProblemError(f"the reference has {ticks.q.shape[1]} joints; {robot.name} has {robot.nv}")
     if ticks.rate != loop.rate:
         raise ProblemError(f"the reference has {ticks.rate:g} ticks a second; the loop has {loop.rate:g}")
-    more = _rows_to_rest(loop) if loop.velocity == "filtered" else 0
+    more = _ticks_to_rest(loop) if loop.velocity == "filtered" else 0
     q, v, a, tau = (extended(rows, more) for rows in (ticks.q, ticks.v, ticks.a, ticks.tau))
     seen = _filtered(q, v[0], loop) if loop.velocity == "filtered" else v
     return replace(ticks, q=q, v=seen, a=_acting(a, loop), tau=_acting(tau, loop))
@@ -108,8 +108,8 @@ def extended(rows: Array, more: int) -> Array:
     return np.vstack([rows, np.repeat(rows[-1:], more, axis=0)])
 
 
-def _rows_to_rest(loop: Loop) -> int:
-    """Rows until a filter's output has decayed to a millionth."""
+def _ticks_to_rest(loop: Loop) -> int:
+    """Number of ticks until the velocity filter's output has decayed to a millionth."""
     if loop.pole <= 0:
         return 0
     return int(min(np.ceil(np.log(_LEFT) / np.log(min(loop.pole, 1 - 1e-9))), _MOST_MORE))

@@ -84,7 +84,7 @@ class ChangingLoad:
         return driven._replace(**arrays)
 
     def tables(self, tables: Tables) -> Tables:
-        """The tables of a loop with the joints of the weights; `rows` are chosen among those of the laws."""
+        """Tables of the loop with one further joint per load; each tick has its row of the law of the carried load."""
         weights = np.eye(len(self.loads))[self.which]
         acting = np.minimum(np.arange(len(self.loads[0].law.rows)) + self.delay, len(self.which) - 1)
         rows = np.stack([one.law.rows for one in self.loads])[self.which[acting], np.arange(len(acting))]

@@ -143,9 +143,9 @@ def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: s
     """
     t = np.arange(len(driven.q)) / ticks.rate
     errors = np.abs(driven.q - ticks.goal)
-    there = settled_time(t, errors.max(axis=1), tolerance) if driven.ended == "whole" else None
-    status, message = _status(robot, driven, there, errors[-1], tolerance, float(t[-1]))
-    settled = there if status == "settled" else None
+    within_since = settled_time(t, errors.max(axis=1), tolerance) if driven.ended == "whole" else None
+    status, message = _status(robot, driven, within_since, errors[-1], tolerance, float(t[-1]))
+    settled = within_since if status == "settled" else None
     speeds = np.abs(driven.v).max(axis=0) / robot.limits.velocity
     if exceeded := _exceeded(robot, driven, speeds, t, tolerance):
         message = f"{message}; {'and' if settled is None else 'but'} {'; '.join(exceeded)}"
@@ -243,9 +243,18 @@ def _trajectory(robot: Robot, driven: Driven, t: Array, name: str) -> Trajectory
 
 
 def _status(
-    robot: Robot, driven: Driven, there: float | None, last: Array, tolerance: float, end: float
+    robot: Robot, driven: Driven, within_since: float | None, last: Array, tolerance: float, end: float
 ) -> tuple[Status, str]:
-    """Status and message of a run that is within the tolerance of the goal from a time on [s]; None: it is not."""
+    """Status and message of a run.
+
+    Args:
+        robot: the arm.
+        driven: the simulated loop.
+        within_since: time from which all joints stay within the tolerance of the goal [s]; None: they do not.
+        last: distances from the goal at the end [rad or m], shape (nv,).
+        tolerance: of the distances [rad or m].
+        end: last time of the run [s].
+    """
     worst = int(np.argmax(last))
     unit = "m" if robot.slides[worst] else "rad"
     where = f"{robot.joint_names[worst]} is {last[worst]:.4g} {unit} from the goal"
@@ -254,9 +263,11 @@ def _status(
         return "diverged", f"diverged at t = {end:.6g} s: {where}, the fastest joint's speed is {speed}"
     if driven.ended == "failed":
         return "failed", f"the integrator gave up at t = {end:.6g} s, where no step is short enough: {where}"
-    if there is not None:
-        near = f"all joints within {tolerance:g} {joint_unit(robot.slides)} of the goal from t = {there:.6g} s on"
-        if end - there >= STAYS - 1e-9:  # rounding of ticks over the rate
+    if within_since is not None:
+        near = (
+            f"all joints within {tolerance:g} {joint_unit(robot.slides)} of the goal from t = {within_since:.6g} s on"
+        )
+        if end - within_since >= STAYS - 1e-9:  # rounding of ticks over the rate
             return "settled", near
         return "not_settled", f"not settled: {near}, but the run ends at {end:.6g} s: they must stay for {STAYS:g} s"
     clipped: Flags = np.any(driven.clipped[-max(len(driven.clipped) // 10, 1) :], axis=0)

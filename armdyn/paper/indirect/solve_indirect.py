@@ -41,12 +41,12 @@ from armdyn.paper.indirect.solution import (
 
 
 @dataclass(frozen=True, eq=False)
-class _Question:
+class _IndirectTask:
     """Problem, law and options of a solve.
 
     Attributes:
         problem: the motion.
-        options: how.
+        options: of the method.
         stop: polled by the solvers.
     """
 
@@ -100,7 +100,7 @@ class _Question:
 
 @dataclass(frozen=True, eq=False)
 class _Seed:
-    """An extremal, or nearly, of some weight."""
+    """Start of the continuation: an extremal, exact or approximate, for an effort weight [1/(N m)²]."""
 
     extremal: BoundaryExtremal
     weight: float
@@ -141,16 +141,16 @@ def solve_indirect(
     if seed is not None:
         expect(seed, Solution, "seed", "the result of solve_minimum_time")
     with stopping(options.time_limit) as stop:
-        question = _Question(problem, options, stop)
-        _refuse(question, seed)
-        best = _best(question, _seeds(question, seed))
+        task = _IndirectTask(problem, options, stop)
+        _refuse(task, seed)
+        best = _best(task, _seeds(task, seed))
     return replace(best, solve_time=time.perf_counter() - started)
 
 
-def _refuse(question: _Question, seed: Solution | None) -> None:
+def _refuse(task: _IndirectTask, seed: Solution | None) -> None:
     """Raise a ProblemError where this method does not apply."""
-    problem = question.problem
-    if question.fastest and not question.options.bounded:
+    problem = task.problem
+    if task.fastest and not task.options.bounded:
         raise ProblemError("minimum time needs torque limits: bounded=False needs effort_weight > 0")
     if seed is not None and seed.problem.robot.nv != problem.robot.nv:
         raise ProblemError(f"the seed moves {seed.problem.robot.nv} joints, the problem {problem.robot.nv}")
@@ -158,49 +158,49 @@ def _refuse(question: _Question, seed: Solution | None) -> None:
         raise ProblemError(f"the indirect method knows no {', '.join(problem.path_constraint_names)}")
 
 
-def _best(question: _Question, seeds: list[_Seed]) -> IndirectSolution:
+def _best(task: _IndirectTask, seeds: list[_Seed]) -> IndirectSolution:
     """The best solution from the seeds; without one, the best failure."""
     best: IndirectSolution | None = None
     given_up: list[str] = []
     for k, seed in enumerate(seeds):
-        if best is not None and (question.stop or (best.success and k >= question.enough)):
+        if best is not None and (task.stop or (best.success and k >= task.enough)):
             break
-        found = _minimum_time(question, seed) if question.fastest else _time_energy(question, seed)
+        found = _minimum_time(task, seed) if task.fastest else _time_energy(task, seed)
         if best is None or (not found.success, found.cost) < (not best.success, best.cost):
             best = found
         if not found.success:
             given_up.append(found.message)
     if best is None:
-        return _no_seed(question)
+        return _no_seed(task)
     if best.success and given_up:
         more = f"{len(given_up)} of {len(seeds)} seeds were given up, the first as: {given_up[0]}"
         return replace(best, message=f"{best.message}; {more}")
     return best
 
 
-def _seeds(question: _Question, seed: Solution | None) -> list[_Seed]:
+def _seeds(task: _IndirectTask, seed: Solution | None) -> list[_Seed]:
     """Initial guesses of the boundary value problem, the most promising first."""
-    problem, options, stop = question.problem, question.options, question.stop
+    problem, options, stop = task.problem, task.options, task.stop
     if seed is not None and seed.phases is not None and options.law.minimises:
         return [_Seed.of(seed.phases, seed.problem.effort_weight)]
-    numbers, weight = question.numbers, question.seed_weight
+    numbers, weight = task.numbers, task.seed_weight
     wider, limits = 1.0 if options.bounded else numbers.wider, problem.limits
     bound = wider * limits.effort_lower, wider * limits.effort_upper
     smooth = problem.variant(effort_weight=weight, effort_limit=bound, reserve=0.0)  # the bound is less it already
-    task = Task.of(smooth, MinimumTimeOptions(seed=options.seed, workers=1), stop)
+    direct_task = Task.of(smooth, MinimumTimeOptions(seed=options.seed, workers=1), stop)
     if seed is not None:
-        near = resolved_near(task, seed.trajectory)
+        near = resolved_near(direct_task, seed.trajectory)
         found = [near if isinstance(near, Phases) else near.last]  # a guess all the same
     else:
         most = max(numbers.candidates, options.continuations)
-        found = list(smooth_optima(task, options.starts or numbers.starts, most)[0])
+        found = list(smooth_optima(direct_task, options.starts or numbers.starts, most)[0])
     return [_Seed.of(phases, weight) for phases in found]
 
 
-def _time_energy(question: _Question, seed: _Seed) -> IndirectSolution:
+def _time_energy(task: _IndirectTask, seed: _Seed) -> IndirectSolution:
     """The boundary value problem of the problem's own weight."""
-    problem, options = question.problem, question.options
-    boundary = question.boundary(problem.effort_weight, seed.extremal)
+    problem, options = task.problem, task.options
+    boundary = task.boundary(problem.effort_weight, seed.extremal)
     if options.method == "lobatto":
         found = solve_lobatto(boundary, options.tolerance, options.max_nodes)
     else:
@@ -208,18 +208,18 @@ def _time_energy(question: _Question, seed: _Seed) -> IndirectSolution:
     return from_extremal(problem, boundary, found, options, seed.direct)
 
 
-def _minimum_time(question: _Question, seed: _Seed) -> IndirectSolution:
+def _minimum_time(task: _IndirectTask, seed: _Seed) -> IndirectSolution:
     """Continuation w → 0, then shooting; a seed of minimum time needs no continuation."""
-    problem, options, numbers = question.problem, question.options, question.numbers
-    unit = question.unit
+    problem, options, numbers = task.problem, task.options, task.numbers
+    unit = task.unit
     weight, last, reached = seed.weight, seed.extremal, np.inf
     while weight > 0 and reached > numbers.last_weight * unit:
-        found = solve_lobatto(question.boundary(weight, last), numbers.rough, numbers.rough_nodes)
+        found = solve_lobatto(task.boundary(weight, last), numbers.rough, numbers.rough_nodes)
         if found.status is not Status.SOLVED:
             break
         last, reached, weight = found, weight, numbers.fall * weight
     bounds = problem.limits.effort_lower, problem.limits.effort_upper
-    shooting = BangBangProblem(question.system, problem.x_start, problem.x_goal, *bounds, numbers.shot, question.stop)
+    shooting = BangBangProblem(task.system, problem.x_start, problem.x_goal, *bounds, numbers.shot, task.stop)
     bang = shoot(shooting, guess_arcs(shooting, last.s * last.duration, last.y))
     if bang.status is Status.SOLVED:
         return from_arcs(problem, shooting, bang, options, seed.direct)
@@ -229,17 +229,17 @@ def _minimum_time(question: _Question, seed: _Seed) -> IndirectSolution:
         how += f" (whose arcs have modes that shooting does not know: {', '.join(sorted(other))})"
     failed = replace(last, status=bang.status, message=f"{how}; {bang.message}", residual=bang.residual)
     return from_extremal(
-        problem, question.boundary(min(reached, numbers.last_weight * unit), last), failed, options, seed.direct
+        problem, task.boundary(min(reached, numbers.last_weight * unit), last), failed, options, seed.direct
     )
 
 
-def _no_seed(question: _Question) -> IndirectSolution:
+def _no_seed(task: _IndirectTask) -> IndirectSolution:
     """A failure that shows a guess."""
-    problem, stop = question.problem, question.stop
+    problem, stop = task.problem, task.stop
     status = stop.status if stop else Status.FAILED
     motion = spline(problem, [])
     y = np.hstack([motion.q, motion.v, np.zeros((motion.t.size, 2 * problem.robot.nv))])
     message = f"{status.replace('_', ' ')}: the direct method found nothing to start from"
     nowhere = np.full(motion.t.size, np.nan)
     samples = ExtremalSamples(motion.t, y, motion.tau, nowhere, np.inf, status, message, np.inf)
-    return checked(problem, question.options, samples, direct=None)
+    return checked(problem, task.options, samples, direct=None)

@@ -55,13 +55,13 @@ def joint_section(move: ShownMotion, subject: Subject) -> Section:
 
 @dataclass(frozen=True)
 class Compared:
-    """Numbers of one motion among several.
+    """Numbers of one motion among several; the names are keys of `armdyn compare --json`.
 
     Attributes:
         name: in legends and tables.
         duration: of the recorded motion [s].
-        there: when it is at the goal to stay, by its own rule [s]; None: it never is.
-        later: than the first, as a part of the first's time; None if one of them never is.
+        there: time of arrival at the goal, by the motion's own rule [s]; None: it does not arrive.
+        later: delay of the arrival against the first motion's, as a part of that; None if one does not arrive.
         work: see `mechanical_work` [J].
         speed: the most that a joint takes of its velocity limit; None without one.
         torque: likewise of torque limits.
@@ -121,7 +121,7 @@ def at_the_goal(move: ShownMotion) -> float | None:
 
 
 def comparison_tiles(rows: Sequence[Compared]) -> list[Tile]:
-    """Tiles of several motions: the time at which each is at the goal."""
+    """Tiles of several motions: each motion's time of arrival at the goal."""
     tiles = []
     for k, row in enumerate(rows):
         later = "" if k == 0 or row.later is None else f"{_later(row)}, ".replace("-", "−")

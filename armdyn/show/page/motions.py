@@ -106,7 +106,7 @@ def motions_data(moves: Sequence[ShownMotion], subject: Subject) -> dict[str, An
                 "tau": np.column_stack([limits.effort_lower, limits.effort_upper]),
             }
         ),
-        "kept": _kept(moves[0].facts, len(sliding)),
+        "kept": _reserves(moves[0].facts, len(sliding)),
         "moves": [_curves(move, times, limits) for move in moves],
     }
 
@@ -129,7 +129,9 @@ def _curves(move: ShownMotion, times: Array, limits: JointLimits) -> dict[str, A
     lanes = arc_lanes(move.facts, limits.velocity.size)
     resolved = bool(lanes)
     if not resolved:
-        lanes = sampled_lanes(times[~beyond], Sample(*(x[~beyond] for x in sample)), _left(limits, move.facts))
+        lanes = sampled_lanes(
+            times[~beyond], Sample(*(x[~beyond] for x in sample)), _reduced_limits(limits, move.facts)
+        )
     curves = {}
     for name, values in zip(("q", "v", "tau"), sample, strict=True):
         values[beyond] = np.nan
@@ -226,7 +228,7 @@ def _merged(pieces: Sequence[Segment]) -> list[Segment]:
     return out[:_SEGMENTS]
 
 
-def _kept(facts: Facts, joints: int) -> dict[str, list[float]] | None:
+def _reserves(facts: Facts, joints: int) -> dict[str, list[float]] | None:
     """Reserves for feedback as parts of the velocity and torque limits; None without reserves."""
     reserve = facts.part("reserve")
     parts = {name: reserve.numbers(given) for name, given in (("v", "velocity"), ("tau", "effort"))}
@@ -235,9 +237,9 @@ def _kept(facts: Facts, joints: int) -> dict[str, list[float]] | None:
     return {name: [min(max(x or 0.0, 0.0), 1.0) for x in each] for name, each in parts.items()}
 
 
-def _left(limits: JointLimits, facts: Facts) -> JointLimits:
+def _reduced_limits(limits: JointLimits, facts: Facts) -> JointLimits:
     """The limits less the reserve for feedback."""
-    kept = _kept(facts, limits.velocity.size)
+    kept = _reserves(facts, limits.velocity.size)
     if kept is None:
         return limits
     left = limits.actuators.reserving(np.array(kept["tau"]))

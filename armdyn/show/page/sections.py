@@ -152,7 +152,7 @@ def path_constraint_section(facts: Facts) -> Section | None:
         if (share := one.number("share")) is not None
     ]
     body = [
-        *([stacked(("limit", "<worst", "of it", "kept"), worst)] if worst else []),
+        *([stacked(("limit", "<worst", "of the limit", "kept"), worst)] if worst else []),
         *([listed(rows)] if rows else []),
     ]
     return Section("path-constraints", "Path constraints", join(body)) if body else None

@@ -167,7 +167,7 @@ def _of_pid(facts: Facts) -> Verdict:
     ]
     if growth is not None:
         checks.append(("stable at the goal", growth < 0, f"max Re λ = {growth:.4g} 1/s"))
-    headline = "Did not arrive" if arrival is None else f"Arrived after {_there(arrival, exceeded)}"
+    headline = "Did not arrive" if arrival is None else f"Arrived after {_arrival_text(arrival, exceeded)}"
     level: Level = "bad" if arrival is None or exceeded else "good"
     return Verdict(level, headline, _sentence(facts.text("message")), tuple(checks))
 
@@ -219,12 +219,12 @@ def _of_tracking(facts: Facts) -> Verdict:
     stability = facts.part("stability")
     if "stable" in stability:
         checks.append(("stable at the goal", stability.true("stable"), stability.text("message")))
-    headline = "Did not settle" if settled is None else f"Settled after {_there(settled, exceeded)}"
+    headline = "Did not settle" if settled is None else f"Settled after {_arrival_text(settled, exceeded)}"
     level: Level = "bad" if settled is None or exceeded else "good" if wrong is None else "fair"
     return Verdict(level, headline, _sentence(facts.text("message")), tuple(checks))
 
 
-def _there(time: float, exceeded: Sequence[str]) -> str:
+def _arrival_text(time: float, exceeded: Sequence[str]) -> str:
     """Time at which a loop is at its goal, and whether it exceeded limits on the way."""
     return seconds(time) + (", but exceeded its limits" if exceeded else "")
 

@@ -228,6 +228,8 @@ class Page:
             self._known[key] = handle.value
 
     def _watch_gizmo(self, key: str, gizmo: Any, action: Callable[[], None]) -> None:
+        """Call a function in the next frame after a browser has moved a gizmo, which is held until it is released."""
+
         async def dragged(event: Any) -> None:
             self._held[key] = 0.0 if event.phase == "end" else time.monotonic()
             self._notes[f"gizmo {key}"] = action
