@@ -137,7 +137,7 @@ def _is_enough(task: Task, optima: list[Optimum]) -> bool:
     """Whether an optimum is usable, and among obstacles no faster one collides: a path between may be faster."""
     near = task.options.replay_tolerance
     fastest = min((one.trajectory.duration for one in optima if one.usable(near)), default=np.inf)
-    touching = [one for one in optima if task.problem.crowded and one.missed]
+    touching = [one for one in optima if task.problem.has_clearance and one.missed]
     return fastest < np.inf and all(one.trajectory.duration >= fastest for one in touching)
 
 

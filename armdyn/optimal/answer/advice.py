@@ -40,9 +40,9 @@ def advice(
     if not np.isfinite(certificate.goal_error) and certificate.growth is None:
         if problem.holding_deficit is not None:
             return {"lands": f"no motion was found, and the arm cannot stay at the goal: {_HOLD}"}
-        if problem.crowded:
+        if problem.has_clearance:
             return {"lands": f"no motion was found: {_MORE_ROOM}"}
-        wider = "widen the limits or regions" if problem.regional else "widen the limits"
+        wider = "widen the limits or regions" if problem.has_regions else "widen the limits"
         return {"lands": f"no motion was found: {_raise(problem, wider, 'starts', 'time_limit', 'max_intervals')}"}
     lines = {}
     if not certificate.lands and certificate.replay == "segments":
@@ -78,7 +78,7 @@ def _changes(problem: MinimumTimeProblem, option: str) -> bool:
     """Whether an option changes the problem's search: curves have no meshes, and no guesses where paths are planned."""
     if option not in ("starts", "max_intervals") or not Policy.of(problem).strategy.curves_alone:
         return True
-    planned = problem.crowded or problem.regional or (len(problem.poses) > 2 and problem.jerk_limit is None)
+    planned = problem.has_clearance or problem.has_regions or (len(problem.poses) > 2 and problem.jerk_limit is None)
     return option == "starts" and not planned
 
 

@@ -175,7 +175,7 @@ def _status(task: Task, optimum: Optimum, found: SearchResult) -> Status:
         return Status.REPLAY_MISSED
     if outside:
         return Status.LIMIT_EXCEEDED
-    blocked = task.problem.crowded and any(one.status is Status.INFEASIBLE for one in found.failed[:1])
+    blocked = task.problem.has_clearance and any(one.status is Status.INFEASIBLE for one in found.failed[:1])
     return Status.INFEASIBLE if blocked else Status.CONDITION_MISSED
 
 

@@ -229,7 +229,7 @@ def _power(coefficients: ca.SX, s: ca.SX | float, order: int) -> ca.SX:
 
 def end_torque_rows(problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
     """Rows at the start and the end of every leg for problems with regions: their legs may be short."""
-    legs = range(len(problem.poses) - 1) if problem.regional else ()
+    legs = range(len(problem.poses) - 1) if problem.has_regions else ()
     ends = (("first", 0), ("last", -1))
     return tuple(StageRows(_torques, (stage,), where=where, leg=leg) for leg in legs for where, stage in ends)  # type: ignore[arg-type]
 

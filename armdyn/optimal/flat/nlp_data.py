@@ -176,7 +176,7 @@ def travel_scales(task: Task, guess: Curve) -> Array:
 def _meeting_speeds(problem: MinimumTimeProblem, guess: Curve) -> Array:
     """Scales of the velocities in the continuity equations between legs [rad/s or m/s], shape (nv,)."""
     limits = finite(problem.limits.velocity)
-    if not problem.regional:
+    if not problem.has_regions:
         return limits
     # Violations in sequential convexification are priced per scale: a scale far above the motion's speeds is free.
     return np.minimum(limits, max(float(np.max(np.ptp(leg.points, axis=0))) / leg.duration for leg in guess.legs))

@@ -218,7 +218,7 @@ def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
     """
     numbers, most_excess = task.policy.sequential, task.policy.curves.most_excess
     constraints = TightenedConstraints.of(task)
-    margins = () if task.problem.regional else tuple(_at_the_ends(leg, numbers) for leg in guess.legs)
+    margins = () if task.problem.has_regions else tuple(_at_the_ends(leg, numbers) for leg in guess.legs)
     spec = CurveSpec(constraints, margins=margins)
     found, solved, iterations = list[RefinedCurve](), None, 0
 

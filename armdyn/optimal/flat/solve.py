@@ -72,7 +72,7 @@ def solve_curve(
         rough: do not fall back on IPOPT if steps do not converge.
     """
     shape = curve_layout(task.problem, guess, spec.constraints)
-    if task.problem.regional or spec.constraints.required_distances(task.problem) is not None:
+    if task.problem.has_regions or spec.constraints.required_distances(task.problem) is not None:
         numbers = task.policy.sequential
         trust, eager = numbers.fine_trust if near is None else numbers.warm_trust, near is None and not spec.least
         if spec.least:

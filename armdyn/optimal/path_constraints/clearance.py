@@ -39,7 +39,7 @@ class ClearanceConstraint(PathConstraint):
     @classmethod
     def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
         """Constraint of a problem with the arguments `obstacles` or `self_collision`."""
-        return cls() if problem.crowded else None
+        return cls() if problem.has_clearance else None
 
     def required_distances(self, problem: MinimumTimeProblem) -> RequiredDistances:
         """The clearance and a margin; for a pair nearer at a given pose, (part of) its distance there."""

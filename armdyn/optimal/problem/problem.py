@@ -200,13 +200,13 @@ class MinimumTimeProblem:
         return tuple(name for name, is_active in active.items() if is_active)
 
     @property
-    def crowded(self) -> bool:
-        """Whether pairs of bodies keep a clearance, so that paths around obstacles and the arm itself are planned."""
+    def has_clearance(self) -> bool:
+        """Whether pairs of bodies must keep `clearance`: paths around obstacles and the arm itself are then planned."""
         return bool(self.obstacles) or self.self_collision
 
     @property
-    def regional(self) -> bool:
-        """Whether a frame passes through or stays in regions: only curves by sequential convexification can."""
+    def has_regions(self) -> bool:
+        """Whether a frame passes through or stays in regions, solved by sequential convexification only."""
         return bool(self.via_regions) or any(one.curves_alone for one in self.path_constraints)
 
     def collision_model(self) -> CollisionModel:
@@ -395,7 +395,7 @@ class MinimumTimeProblem:
 
     def _resolve_poses(self) -> None:
         """Choose joint positions in via regions; store all poses as one array."""
-        model = self.collision_model() if self.crowded and self.via_regions else None
+        model = self.collision_model() if self.has_clearance and self.via_regions else None
 
         def is_clear(q: Array) -> bool:
             return model is None or not model.nearer(q, self.clearance)
@@ -409,7 +409,7 @@ class MinimumTimeProblem:
 
     def _resolve_clear(self) -> None:
         """Drop goals in contact; raise if start, a via point or all goals are in contact."""
-        if not self.crowded:
+        if not self.has_clearance:
             return
         model = self.collision_model()
         fixed = [("start", self.poses[0]), *((f"via[{i}]", q) for i, q in enumerate(self.poses[1:-1]))]

@@ -43,7 +43,7 @@ def constrained(task: Task) -> tuple[list[Optimum], SearchResult]:
 
 def without_obstacles(task: Task) -> Task | None:
     """The task without obstacles and self-collision; None if there are none."""
-    if not task.problem.crowded:
+    if not task.problem.has_clearance:
         return None
     task.progress("the motion without obstacles")
     return task.about(task.problem.without_obstacles())

@@ -51,10 +51,12 @@ def curves(task: Task) -> tuple[list[Optimum], SearchResult]:
     Args:
         task: the problem and its settings.
     """
-    numbers, crowded = task.policy.curves, task.problem.crowded or task.problem.regional
+    numbers, needs_paths = task.policy.curves, task.problem.has_clearance or task.problem.has_regions
     starts = task.policy.search.guesses(task.options, numbers.starts)
-    found, planned = _among_obstacles(task) if crowded else (_refined(task, _guesses(task, starts), _calms(task)), True)
-    if not (crowded or task.stop) and all(_may_improve(task, one) for one in found):
+    found, planned = (
+        _among_obstacles(task) if needs_paths else (_refined(task, _guesses(task, starts), _calms(task)), True)
+    )
+    if not (needs_paths or task.stop) and all(_may_improve(task, one) for one in found):
         found += _refined(task, _guesses(task, numbers.more_starts)[1:], _calms(task))
     if is_building():
         task.progress("its machine code is being built in the background, once: later solves are faster")
@@ -109,7 +111,9 @@ def _optima_met(task: Task, found: Sequence[RefinedCurve]) -> str:
     if len(found) < 2 or not durations or _enough(task, found[0]):
         return ""
     problem = task.problem
-    seeded = problem.crowded or problem.regional or not problem.via  # guesses through via points are the same for all
+    seeded = (
+        problem.has_clearance or problem.has_regions or not problem.via
+    )  # guesses through via points are the same for all
     return optima_met(durations, len(found), task.policy.same.mesh) + (_OTHER_SEEDS if seeded else "")
 
 
@@ -132,10 +136,10 @@ def _among_obstacles(task: Task) -> tuple[list[RefinedCurve], bool]:
 
     If the straight line is collision-free, so may be the fastest curve without obstacles.
     """
-    task.progress("paths round the obstacles" if task.problem.crowded else "the path through the regions")
+    task.progress("paths round the obstacles" if task.problem.has_clearance else "the path through the regions")
     planned = paths_through(task.problem, task.policy.search, task.options.seed, task.stop)
     first = list(islice(planned, 1))
-    straight = bool(first) and task.problem.crowded and all(len(leg) == 2 for leg in first[0])
+    straight = bool(first) and task.problem.has_clearance and all(len(leg) == 2 for leg in first[0])
     found = (_clear_of_obstacles(task) if straight else []) or refined_paths(task, chain(first, planned))
     return found, bool(first)
 
@@ -220,7 +224,7 @@ def _calm(task: Task, fastest: RefinedCurve) -> Optimum:
 def _calms(task: Task) -> bool:
     """Whether the options allow time for calm joints."""
     problem = task.problem
-    return task.options.calm > 0 and not (problem.pays_effort or problem.regional)
+    return task.options.calm > 0 and not (problem.pays_effort or problem.has_regions)
 
 
 def _without_path(task: Task) -> Attempt:

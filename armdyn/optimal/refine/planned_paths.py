@@ -68,7 +68,7 @@ def plan_path(problem: MinimumTimeProblem, seed: int = 0) -> Array:
 def paths_through(problem: MinimumTimeProblem, policy: SearchPolicy, seed: int, stop: Stop) -> Iterator[LegPaths]:
     """Paths through all poses of a problem, planned lazily; empty: no path was found."""
     lines = [_line(problem, leg) for leg in range(len(problem.poses) - 1)]
-    if not problem.crowded:
+    if not problem.has_clearance:
         yield lines
         return
     model, limits, poses = problem.collision_model(), problem.limits, np.asarray(problem.poses)
@@ -153,7 +153,7 @@ def _guesses(task: Task, planned: Iterator[LegPaths]) -> Iterator[Curve]:
     numbers, speed = task.policy.sequential, _speed(task.problem, task.policy.search)
     yield from (_guess(task, paths) for paths in islice(planned, 1))
     others = sorted(planned, key=partial(_seconds, speed=speed))
-    most = numbers.paths_in_regions if task.problem.regional else numbers.paths
+    most = numbers.paths_in_regions if task.problem.has_regions else numbers.paths
     yield from (_guess(task, paths) for paths in others[: most - 1])
     if len(task.problem.poses) == 2:
         (basis,) = _bases(task, [1.0])
@@ -164,8 +164,8 @@ def _guess(task: Task, paths: LegPaths) -> Curve:
     """A curve along a path, slow enough for the torques where these shape the motion."""
     problem, speed = task.problem, _speed(task.problem, task.policy.search)
     times = [float(np.sum(np.max(np.abs(np.diff(path, axis=0)) / speed, axis=1))) for path in paths]
-    durations = task.policy.curves.slack * np.maximum(times, _ramp_times(problem) if problem.regional else 0.0)
-    curve = Curve.along(paths, _bases(task, durations), durations, speed, flying=problem.regional)
+    durations = task.policy.curves.slack * np.maximum(times, _ramp_times(problem) if problem.has_regions else 0.0)
+    curve = Curve.along(paths, _bases(task, durations), durations, speed, flying=problem.has_regions)
     if task.policy.curves.cruises:
         return curve
     factor = least_factor(problem.robot, problem.limits, curve.trajectory(problem.robot))
@@ -190,7 +190,7 @@ def _bases(task: Task, durations: ArrayLike, fine: bool = False) -> list[Basis]:
     shortest, longest = (
         (numbers.shortest, numbers.longest) if fine else (numbers.coarse_shortest, numbers.coarse_longest)
     )
-    if not task.problem.regional:
+    if not task.problem.has_regions:
         return [Basis(graded(most, shortest, longest))] * times.size
     parts, last = times / np.max(times), times.size - 1
     counts = np.clip(np.ceil(most * parts), numbers.least, most).astype(int)

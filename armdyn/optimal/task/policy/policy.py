@@ -209,7 +209,7 @@ class Policy:
 
 def _strategy(problem: MinimumTimeProblem, motors: bool, speed_limited: bool) -> StrategyPolicy:
     """Refinement methods for a class of problems."""
-    alone = motors and (problem.robot.nv > 3 or problem.relative_effort_weight > 0 or problem.regional)
+    alone = motors and (problem.robot.nv > 3 or problem.relative_effort_weight > 0 or problem.has_regions)
     constrained = bool(set(problem.path_constraint_names) - {"obstacles", "self-collision"})
     own: Method = "mesh" if constrained else "time-energy" if problem.pays_effort else "arcs"
     free = motors and not (constrained or problem.pays_effort)
@@ -226,7 +226,7 @@ def _has_profiles(problem: MinimumTimeProblem) -> bool:
     """Whether every joint has a fastest profile of its own: its rates are limited, from rest to rest."""
     limit = problem.acceleration_limit if problem.jerk_limit is None else problem.jerk_limit
     limited = limit is not None and bool(np.all(np.isfinite(limit)))
-    return limited and problem.from_rest_to_rest and not (problem.via or problem.regional or problem.pays_effort)
+    return limited and problem.from_rest_to_rest and not (problem.via or problem.has_regions or problem.pays_effort)
 
 
 def _shortest(problem: MinimumTimeProblem, speed_limited: bool) -> float:
