@@ -223,4 +223,4 @@ def test_the_goal_error_that_lands_is_at_most_a_hundredth_of_the_way(way, landin
 def test_each_of_several_goals_has_a_landing_of_its_own_way():
     far = ad.MinimumTimeProblem(ad.Robot.from_spec(ad.ArmSpec.paper("rr")), q_start=[0.3, 0.4], q_goal=[1.3, 0.4])
     near = far.variant(q_goal=[0.3 + 1e-6, 0.4])
-    assert Task.of(far).about(near).options.replay_tolerance == pytest.approx(1e-8)
+    assert Task.of(far).for_problem(near).options.replay_tolerance == pytest.approx(1e-8)

@@ -64,7 +64,7 @@ def _near(task: Task, solve: Solve, until: float, known: Solution, q: Array) -> 
     if task.stop:
         return None
     task.progress("the goal moved along the joint positions that reach its pose")
-    near = task.about(known.problem.variant(q_goal=q))
+    near = task.for_problem(known.problem.variant(q_goal=q))
     return solve(near.with_options(guesses=(known.trajectory,), starts=1), until - time.perf_counter())
 
 

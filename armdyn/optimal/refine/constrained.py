@@ -46,7 +46,7 @@ def without_obstacles(task: Task) -> Task | None:
     if not task.problem.has_clearance:
         return None
     task.progress("the motion without obstacles")
-    return task.about(task.problem.without_obstacles())
+    return task.for_problem(task.problem.without_obstacles())
 
 
 def with_clearances(task: Task, optima: Sequence[Optimum]) -> list[Optimum]:

@@ -147,7 +147,7 @@ def _among_obstacles(task: Task) -> tuple[list[RefinedCurve], bool]:
 def _clear_of_obstacles(task: Task) -> list[RefinedCurve]:
     """The fastest curve without obstacles, if it keeps all clearances."""
     task.progress("the motion without obstacles")
-    free = task.about(task.problem.without_obstacles())
+    free = task.for_problem(task.problem.without_obstacles())
     best, constraints = refine_roughly(free, _guesses(free, 1)[0]), TightenedConstraints.of(task)
     if best is None:
         return []

@@ -191,7 +191,7 @@ class _Screened:
 
     def under(self, task: Task) -> Task:
         """Task for the full solve, with the curve that chose the goal as a guess, too."""
-        task = task.about(self.branch)
+        task = task.for_problem(self.branch)
         if self.curve is None or not self.chosen:
             return task
         motion = self.curve.trajectory(self.branch.robot)
@@ -218,7 +218,7 @@ def screened(task: Task) -> tuple[list[Task], list[GoalResult]]:
             least = min((other.duration for other in sampled), default=np.inf)
             if not (stop or one.branch.holding_deficit or one.branch.duration_bound() > numbers.too_slow * least):
                 task.progress(f"goal {i} of {len(goals)}")
-                one = _solved_coarsely(task.about(one.branch))
+                one = _solved_coarsely(task.for_problem(one.branch))
             sampled.append(one)
         sampled.sort(key=_Screened.rank)
         moved = sorted((_with_free_end(task, one, task.policy.curves.coarse) for one in sampled), key=_Screened.rank)
@@ -262,13 +262,13 @@ def _with_free_end(task: Task, one: _Screened, intervals: int) -> _Screened:
         one: the given goal, with an initial curve.
         intervals: number of intervals per leg of the curve.
     """
-    pose, problem, spec = task.problem.goal_pose, one.branch, CurveSpec.of(task.about(one.branch))
+    pose, problem, spec = task.problem.goal_pose, one.branch, CurveSpec.of(task.for_problem(one.branch))
     if task.stop or pose is None or one.curve is None or not _chooses(problem, pose, spec):
         return one
     regions = (*spec.constraints.path_constraints, GoalRegion(pose))
     spec = replace(spec, constraints=replace(spec.constraints, path_constraints=regions))
-    guess = one.curve.on([leg.basis for leg in straight_curve(task.about(problem), intervals).legs])
-    solved = solve_curve(task.about(problem), guess, spec)
+    guess = one.curve.on([leg.basis for leg in straight_curve(task.for_problem(problem), intervals).legs])
+    solved = solve_curve(task.for_problem(problem), guess, spec)
     nothing, end = np.zeros(problem.robot.nv), solved.curve.legs[-1].points[-1]
     exact = slid(problem.robot, pose, end, nothing, problem.limits) if solved.converged else None
     if exact is not None and solved.curve.duration < one.duration:

@@ -97,9 +97,9 @@ class Task:
             progress or _ignore,
         )
 
-    def about(self, problem: MinimumTimeProblem) -> Self:
+    def for_problem(self, problem: MinimumTimeProblem) -> Self:
         """The task for another problem, with the same overrides of the policy."""
-        policy = self.policy.about(problem)
+        policy = self.policy.for_problem(problem)
         dynamics = Dynamics(problem.robot, free_last_body=True)
         options = replace(self.options, replay_tolerance=_landing(problem, self.options))
         return replace(

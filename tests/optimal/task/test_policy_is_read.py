@@ -73,7 +73,7 @@ def noted(problem, changes=(), **options):
     task, policy = Task.of(problem, ad.MinimumTimeOptions(workers=1, **options)), Noted.of(problem)
     for group, numbers in changes:
         policy = policy.changed(group, **numbers)
-    return replace(task, policy=policy).about(problem)
+    return replace(task, policy=policy).for_problem(problem)
 
 
 def between(arm, robot=None, **more):
@@ -415,7 +415,7 @@ def test_a_copy_is_no_reader():
     other = policy.changed("search", starts=3)
     assert other == replace(other) and replace(other.arcs).at_switches
     assert sorted(READ) == ["arcs.refined", "arcs.refined_speed"]  # by the policy's own rule for refined meshes
-    assert other.about(between("r")).search.starts == 3
+    assert other.for_problem(between("r")).search.starts == 3
     assert sorted(READ) == ["arcs.refined", "arcs.refined_speed", "search.starts"]
 
 

@@ -195,11 +195,11 @@ class Policy:
         return rows(self)
 
     def changed(self, group: str, **numbers: object) -> Self:
-        """The policy with other numbers in one group, for experiments; `about` applies them to other problems."""
+        """The policy with other numbers in one group, for experiments; `for_problem` applies them to other problems."""
         own = {group: replace(getattr(self, group), **numbers), "overrides": (*self.overrides, (group, numbers))}
         return replace(self, **own)
 
-    def about(self, problem: MinimumTimeProblem) -> Self:
+    def for_problem(self, problem: MinimumTimeProblem) -> Self:
         """The policy for another problem, with the same overrides."""
         policy = self.of(problem)
         for group, numbers in self.overrides:
