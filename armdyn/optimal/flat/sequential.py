@@ -36,7 +36,7 @@ class _Iterate:
         cost: cost without penalties [s].
         torques: torques of the curve.
         sides: rows of the derivatives' control points, velocities first, and of other equations.
-        near: linearised distances; None: no distances.
+        distances: linearised distances; None: no distances.
         penalties: priced violations: torques, distances, other rows [s].
     """
 
@@ -44,7 +44,7 @@ class _Iterate:
     cost: float
     torques: TorqueParts
     sides: tuple[Sides, ...]
-    near: Linearised | None
+    distances: Linearised | None
     penalties: tuple[float, float, float]
 
 
@@ -159,9 +159,9 @@ class Sequential:
         torques, x = problem.torque_rows.at(x), x.copy()
         x[problem.torques] = torques.tau
         sides = problem.sides(x, torques.jacobian)
-        near = None if problem.clearance is None else problem.clearance.at(problem.shape, x)
+        distances = None if problem.clearance is None else problem.clearance.at(problem.shape, x)
         cost = problem.cost.value(x, torques.tau)
-        return _Iterate(x, cost, torques, sides, near, self._penalties(x, sides, near))
+        return _Iterate(x, cost, torques, sides, distances, self._penalties(x, sides, distances))
 
     def _bounded(self, at: _Iterate, bounds: tuple[Array, Array]) -> _Iterate:
         """The iterate with other bounds of the torques."""
@@ -169,14 +169,16 @@ class Sequential:
         lower, upper = (side.copy() for side in numbers.x_bounds)
         lower[own], upper[own] = bounds
         self.problem = replace(self.problem, numbers=replace(numbers, x_bounds=(lower, upper)))
-        return replace(at, penalties=self._penalties(at.x, at.sides, at.near))
+        return replace(at, penalties=self._penalties(at.x, at.sides, at.distances))
 
-    def _penalties(self, x: Array, sides: tuple[Sides, ...], near: Linearised | None) -> tuple[float, float, float]:
+    def _penalties(
+        self, x: Array, sides: tuple[Sides, ...], distances: Linearised | None
+    ) -> tuple[float, float, float]:
         policy, own = self.policy, self.problem.torques
         low, high = (side[own] for side in self.problem.numbers.x_bounds)
         over = np.max(np.maximum(x[own] - high, low - x[own]), axis=1, initial=0)
         missed = sum(each.missed for each in sides)
-        missing = 0.0 if near is None else float(np.sum(near.missing))
+        missing = 0.0 if distances is None else float(np.sum(distances.missing))
         return policy.torque * float(np.sum(over)), policy.distance * missing, policy.other * missed
 
     def _merit(self, at: _Iterate) -> float:
@@ -214,8 +216,8 @@ class Sequential:
         if np.any(given := velocities.equal):
             others.insert(0, velocities.only(given))
         soft += [SoftRows(*sides.below(at.x), policy.other) for sides in others]
-        if at.near is not None:
-            soft.append(SoftRows((-at.near.jacobian,), at.near.spare, at.near.samples, policy.distance))
+        if at.distances is not None:
+            soft.append(SoftRows((-at.distances.jacobian,), at.distances.spare, at.distances.samples, policy.distance))
         nothing = np.zeros(at.x.size)
         return ConvexStep(
             place=problem.place,

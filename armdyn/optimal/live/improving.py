@@ -15,7 +15,7 @@ from armdyn.optimal.flat.linear_rows import ClearanceRows, TorqueRows, clearance
 from armdyn.optimal.flat.nlp_data import TorqueMargin
 from armdyn.optimal.landing.limit_violations import least_factor
 from armdyn.optimal.live.checking import SampledCurve, between_samples, check
-from armdyn.optimal.live.program import Ends, Iterate, Pace, ProgramStep, StepProgram
+from armdyn.optimal.live.program import Ends, Iterate, ProgramStep, StepControl, StepProgram
 from armdyn.optimal.path_constraints.clearance import ClearanceConstraint
 from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -134,23 +134,23 @@ def improve(arm: LimitedArm, ends: Ends, guesses: Sequence[Guess], until: float)
     program, policy = arm.program, arm.program.policy
     best, k, over, began = None, 0, 0, time.perf_counter()
     # By the longest guess: the price would be zero for the rest of a motion that ends here.
-    pace = Pace(1.0, policy.torque * max(duration for _, duration, _ in guesses))
+    control = StepControl(1.0, policy.torque * max(duration for _, duration, _ in guesses))
     starts = [(_at(arm, ends, points, T), margins) for points, T, margins in guesses]
-    here, margins = min(starts, key=lambda one: program.merit(one[0], one[1], pace.price))
+    here, margins = min(starts, key=lambda one: program.merit(one[0], one[1], control.price))
     step_time = time.perf_counter() - began
     while k < policy.steps and (began := time.perf_counter()) + step_time < until - policy.hand_over:
         k += 1
-        step = program.step(here, margins, ends, pace)
+        step = program.step(here, margins, ends, control)
         longer = np.inf if step is None else step.longer
-        unmet = step is not None and step.promised - here.duration - longer > policy.unmet * pace.price
-        here, reach = _step_taken(arm, ends, here, step, (margins, pace, k <= policy.eager))
+        unmet = step is not None and step.promised - here.duration - longer > policy.unmet * control.price
+        here, reach = _step_taken(arm, ends, here, step, margins, control, k <= policy.eager)
         sampled = arm.sampled(here.points, here.duration)
         over += sampled.torque > -policy.least_reserve and not unmet
-        price = policy.price_growth * pace.price if unmet else pace.price
-        pace = Pace(min(reach, policy.step_factor ** max(over - policy.excess_steps, 0)), price)
+        price = policy.price_growth * control.price if unmet else control.price
+        control = StepControl(min(reach, policy.step_factor ** max(over - policy.excess_steps, 0)), price)
         settled = abs(longer) <= policy.enough * here.duration
         if (best is None or here.duration < best.duration or settled) and arm.within_limits(sampled):
-            best = Improved(here.duration, sampled, margins, settled and pace.reach >= policy.stuck)
+            best = Improved(here.duration, sampled, margins, settled and control.reach >= policy.stuck)
             if settled:
                 break
         if best is None and not np.any(ends.v) and k > policy.eager:
@@ -169,18 +169,32 @@ def _at(arm: LimitedArm, ends: Ends, points: Array, duration: float) -> Iterate:
 
 
 def _step_taken(
-    arm: LimitedArm, ends: Ends, here: Iterate, step: ProgramStep | None, how: tuple[TorqueMargin, Pace, bool]
+    arm: LimitedArm,
+    ends: Ends,
+    here: Iterate,
+    step: ProgramStep | None,
+    margins: TorqueMargin,
+    control: StepControl,
+    eager: bool,
 ) -> tuple[Iterate, float]:
     """The next curve, or the same one if the step increases the merit; and the next step's size.
 
     Nocedal and Wright, Numerical Optimization, 2006, algorithm 4.1.
+
+    Args:
+        arm: the arm with its program.
+        ends: start state and goal.
+        here: the present curve.
+        step: solution of the quadratic program there; None: it was not solved.
+        margins: torque margins of the merit.
+        control: size of the step, and price of torques.
+        eager: whether a step that increases the merit is taken, too.
     """
-    program, (margins, pace, eager) = arm.program, how
-    policy, reach = program.policy, pace.reach
+    program, policy, reach = arm.program, arm.program.policy, control.reach
     if step is None:
         return here, max(reach / policy.shrink, policy.least_reach)
     there = _at(arm, ends, here.points + step.points, here.duration + step.longer)
-    before, after = program.merit(here, margins, pace.price), program.merit(there, margins, pace.price)
+    before, after = program.merit(here, margins, control.price), program.merit(there, margins, control.price)
     little = policy.enough * here.duration
     if after > before + little and not eager:
         return here, max(step.part / policy.shrink, policy.least_reach)
@@ -203,7 +217,7 @@ def _slowed(arm: LimitedArm, here: Iterate, sampled: SampledCurve, margins: Torq
 
 
 def _tightened(
-    program: StepProgram, margins: TorqueMargin, here: Iterate, sampled: SampledCurve, near: bool
+    program: StepProgram, margins: TorqueMargin, here: Iterate, sampled: SampledCurve, unchanged: bool
 ) -> TorqueMargin:
     """Torque margins for the next step, larger around places where torques exceed their limits.
 
@@ -212,9 +226,9 @@ def _tightened(
         margins: margins so far.
         here: the linearised curve, with torques at the places.
         sampled: the curve at its samples.
-        near: whether the curve hardly changes, so that no margin is reduced.
+        unchanged: whether the curve hardly changes, so that no margin is reduced.
     """
-    policy, kept = program.policy, 1.0 if near else program.policy.margin_kept
+    policy, kept = program.policy, 1.0 if unchanged else program.policy.margin_kept
 
     def next_(margin: Array | float, beyond: Array, own: Array) -> Array:
         target = np.where(

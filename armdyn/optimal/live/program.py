@@ -108,7 +108,7 @@ class Ends:
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """A linearised curve.
+    """A curve at which torques, rates and distances are linearised.
 
     Attributes:
         x: unknowns of the layout; the torques among them are 0 and unused.
@@ -117,7 +117,7 @@ class Iterate:
         cost: duration plus the weighted squared accelerations [s].
         torques: torques at the places, linear in the unknowns.
         rates: control points of velocities, and of accelerations if these are limited.
-        near: linearised distances; None: no distances are required.
+        distances: linearised distances; None: no distances are required.
     """
 
     x: Array
@@ -126,15 +126,15 @@ class Iterate:
     cost: float
     torques: TorqueParts
     rates: tuple[Sides, ...]
-    near: Linearised | None = None
+    distances: Linearised | None = None
 
 
 @dataclass(frozen=True)
-class Pace:
-    """Size of a step, and the price of excess torques.
+class StepControl:
+    """Size of the trust region, and the price of excess torques.
 
     Attributes:
-        reach: size as a part of the greatest step.
+        reach: size of the trust region as a part of the greatest step.
         price: price of a torque beyond its limit by half its range [s].
     """
 
@@ -223,16 +223,16 @@ class StepProgram:
             sides = rows.at(x, (-most, most))
             sides.jacobian.data[sides.jacobian.indptr[1:] - 1] += sides.jacobian @ lead
             rates.append(sides)
-        near = None if clear is None else clear.at(self.layout, x)
+        distances = None if clear is None else clear.at(self.layout, x)
         cost = duration + float(x @ (self._smoothing @ x)) / 2
-        return Iterate(x, points, duration, cost, torques.at(x, lead), tuple(rates), near)
+        return Iterate(x, points, duration, cost, torques.at(x, lead), tuple(rates), distances)
 
     def merit(self, at: Iterate, margins: TorqueMargin, price: float) -> float:
         """Cost plus the priced violations [s]; price: price of a torque [s]."""
         policy = self.policy
         torque = np.maximum(np.max(np.maximum(*self.violations(at, margins)), axis=1), 0)
         rates = sum(price * sides.missed for price, sides in self._priced(at))
-        missing = 0.0 if at.near is None else float(np.sum(at.near.missing))
+        missing = 0.0 if at.distances is None else float(np.sum(at.distances.missing))
         return at.cost + price * float(np.sum(torque)) + rates + policy.distance * missing
 
     def violations(self, at: Iterate, margins: TorqueMargin) -> tuple[Array, Array]:
@@ -240,23 +240,23 @@ class StepProgram:
         lower, upper = self._torque_limits(at, margins)
         return at.torques.tau - upper, lower - at.torques.tau
 
-    def step(self, at: Iterate, margins: TorqueMargin, ends: Ends, pace: Pace) -> ProgramStep | None:
+    def step(self, at: Iterate, margins: TorqueMargin, ends: Ends, control: StepControl) -> ProgramStep | None:
         """Solve the quadratic program of a step; None: not solved.
 
         Args:
             at: the linearised curve.
             margins: torque margins.
             ends: start state and goal.
-            pace: size of the step, and price of torques.
+            control: size of the step, and price of torques.
         """
-        policy, T, reach, x = self.policy, at.duration, pace.reach, at.x
+        policy, T, reach, x = self.policy, at.duration, control.reach, at.x
         over, under = self.violations(at, margins)
         places = np.repeat(np.arange(len(over)), over.shape[1])
-        soft = [SoftRows.between(at.torques.jacobian, under.ravel(), -over.ravel(), places, pace.price)]
+        soft = [SoftRows.between(at.torques.jacobian, under.ravel(), -over.ravel(), places, control.price)]
         for price, sides in self._priced(at):
             soft.append(SoftRows(*sides.below(x), price))
-        if at.near is not None:
-            soft.append(SoftRows((-at.near.jacobian,), at.near.spare, at.near.samples, policy.distance))
+        if at.distances is not None:
+            soft.append(SoftRows((-at.distances.jacobian,), at.distances.spare, at.distances.samples, policy.distance))
         gradient = self._smoothing @ x
         gradient[self._last] = 1.0 + gradient[self._points[1]] @ self._first_difference(ends)
         found = solve_step(
