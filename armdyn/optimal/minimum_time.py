@@ -239,7 +239,7 @@ class _Batch:
         self._known, self._usable, self._began = dict[int, Solution](), 0, time.monotonic()
 
     def solve(self, k: int, stop: Stop) -> None:
-        """Solve one problem in this process, unless it is already solved or past the end."""
+        """Solve the problem of index k in this process, unless it is solved, or there is none, or `stop` is set."""
         if stop or k in self._known or k >= len(self.problems):
             return
         solution = _solved(self.problems[k], self.options)

@@ -49,7 +49,7 @@ def assemble_arcs(
     guess: Trajectory,
     layout: Layout,
     intervals: int,
-    near: bool = False,
+    warm: bool = False,
     offset: Array | float = 0.0,
     density: Density | None = None,
 ) -> ArcNlpData:
@@ -61,7 +61,7 @@ def assemble_arcs(
         guess: initial states, at the times of the guessed durations.
         layout: layout of the program.
         intervals: number of intervals of the whole mesh.
-        near: see `solve_phases`; so offset and density.
+        warm: see `solve_phases`; so offset and density.
         offset: offset of the end state from the goal, (q, v), shape (2 nv,).
         density: density of the mesh.
     """
@@ -73,7 +73,7 @@ def assemble_arcs(
     x = to_unknowns(guess, layout, durations[arc_of] * part / durations.sum(), scales)
     lower, upper = bounds(problem, layout, N, scales)
     narrowed = _Narrowed(problem, layout, scales, lower, upper)
-    if near:
+    if warm:
         narrowed.loosen(arcs, N)
     narrowed.to(arcs, arc_of)
     for bound in (lower, upper):

@@ -157,7 +157,7 @@ def solve_phases(
     arcs: Sequence[Arc],
     guess: Trajectory,
     intervals: int,
-    near: bool = False,
+    warm: bool = False,
     offset: Array | float = 0.0,
     density: Density | None = None,
 ) -> Phases | Unresolved:
@@ -168,12 +168,12 @@ def solve_phases(
         arcs: the structure, and guesses of its durations.
         guess: initial states, at the times of the guessed durations.
         intervals: number of intervals of the whole mesh.
-        near: whether the guess solves a similar problem: IPOPT starts near it.
+        warm: whether the guess solves a similar problem: IPOPT then starts with a small barrier.
         offset: offset of the end state from the goal, (q, v), shape (2 nv,), which the replay's error cancels.
         density: density of the mesh; None: intervals in proportion to the arcs' lengths.
     """
-    solver = _solver(task, intervals, near)
-    nlp_data = assemble_arcs(task, arcs, guess, solver.program.layout, intervals, near, offset, density)
+    solver = _solver(task, intervals, warm)
+    nlp_data = assemble_arcs(task, arcs, guess, solver.program.layout, intervals, warm, offset, density)
     if nlp_data.spare < 0:
         message = f"the structure has more conditions than unknowns, by {-nlp_data.spare}"
         result = NlpResult(
@@ -187,10 +187,10 @@ def solve_phases(
     return Unresolved(result.message, result.status, result.iterations, phases)
 
 
-def _solver(task: Task, intervals: int, near: bool) -> Solver[Nlp]:
+def _solver(task: Task, intervals: int, warm: bool) -> Solver[Nlp]:
     step = replace(task, scheme=replace(task.scheme, method=TABLEAU.name, control="stage"))
     numbers = task.policy.arcs
-    barrier, push = (numbers.near_barrier, numbers.near_barrier) if near else (numbers.barrier, None)
+    barrier, push = (numbers.near_barrier, numbers.near_barrier) if warm else (numbers.barrier, None)
     settings = SolverSettings(numbers.tolerance, numbers.iterations, barrier=barrier, exact=True, push=push)
     return in_time(step, lambda scheme: solver_for(task, settings, build_nlp, task.dynamics, scheme, intervals))
 

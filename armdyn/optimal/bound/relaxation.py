@@ -159,7 +159,7 @@ def _rows(leg: BoundLeg, cells: Cells, held: Interval, rate: Interval) -> _Rows:
 
 
 def _line_rows(leg: BoundLeg, cells: Cells, forces: Forces, line: Line) -> _Rows:
-    """Rows of the momentum M v for one line of the torque-speed curves, damped by s v per second."""
+    """Rows of the momentum M v for one line |τ + s v| ≤ c of the torque-speed curves, whose slope s acts as damping."""
     units = np.eye(len(leg.velocity))
     rows = _rows(leg, cells, forces.terms.inertia, replace(forces, torque=line.torque).rate(units))
     rows.change[..., ~line.given] = np.array([-np.inf, np.inf])[:, None, None]

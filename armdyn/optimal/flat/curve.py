@@ -105,7 +105,7 @@ class Curve:
         return replace(self, legs=tuple(CurveLeg(own, leg.at(own.places)[0], leg.duration) for own, leg in pairs))
 
     @classmethod
-    def near(cls, motion: Trajectory, basis: Basis) -> Self:
+    def from_motion(cls, motion: Trajectory, basis: Basis) -> Self:
         """Make a curve of one leg with control points sampled from a motion."""
         at = motion(motion.t[0] + motion.duration * basis.places)
         return cls((CurveLeg(basis, at.q, motion.duration),))
@@ -166,10 +166,10 @@ class Curve:
         return Trajectory(t, q, v, tau, robot.joint_names, "minimum time", robot.model_hash)
 
 
-def _ramped(places: Array, gains: bool, loses: bool) -> Array:
-    """Parts of a way at parts of the time, with optional ramps of speed at its start and end."""
-    if not (gains and loses):
-        return places**2 if gains else 1 - (1 - places) ** 2 if loses else places
+def _ramped(places: Array, from_rest: bool, to_rest: bool) -> Array:
+    """Time scaling: fractions of a path at fractions of the time, with ramps of the speed at ends that are at rest."""
+    if not (from_rest and to_rest):
+        return places**2 if from_rest else 1 - (1 - places) ** 2 if to_rest else places
     s = np.minimum(places, 1 - places)
     half = np.where(s < _RAMP, s**2 / (2 * _RAMP), s - _RAMP / 2) / (1 - _RAMP)
     return np.where(places < 0.5, half, 1 - half)

@@ -177,10 +177,10 @@ def _guesses(task: Task, count: int) -> list[Curve]:
     if problem.via:
         paces = (numbers.pace, 1 / numbers.pace) if count > 1 and problem.jerk_limit is not None else ()
         return guesses + [guesses[0].slower(pace) for pace in paces]
-    guesses += [Curve.near(guess, basis) for guess in options.guesses]
+    guesses += [Curve.from_motion(guess, basis) for guess in options.guesses]
     if count > 1:
         ways = via_guesses(problem, options.seed, count, policy=task.policy.search)[1:]
-        guesses += [Curve.near(spline(problem, way), basis) for way in ways]
+        guesses += [Curve.from_motion(spline(problem, way), basis) for way in ways]
     return guesses
 
 

@@ -103,7 +103,7 @@ def _finer(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
     while (size := doubled(phases.arc_of.size, finest)) and not task.stop:
         if np.max(np.abs(pontryagin(task.problem, phases)[0])) <= numbers.hamiltonian_tolerance:
             break
-        tried = solve_phases(task, phases.arcs, phases.torques, size, near=True, density=phases.density)
+        tried = solve_phases(task, phases.arcs, phases.torques, size, warm=True, density=phases.density)
         if isinstance(tried, Unresolved):
             remark = f"the arcs did not converge on {size} intervals ({tried.message})"
             return phases, replay_of(task, phases.torques), remark

@@ -157,7 +157,7 @@ def _guesses(task: Task, planned: Iterator[LegPaths]) -> Iterator[Curve]:
     yield from (_guess(task, paths) for paths in others[: most - 1])
     if len(task.problem.poses) == 2:
         (basis,) = _bases(task, [1.0])
-        yield from (Curve.near(guess, basis) for guess in task.options.guesses)
+        yield from (Curve.from_motion(guess, basis) for guess in task.options.guesses)
 
 
 def _guess(task: Task, paths: LegPaths) -> Curve:

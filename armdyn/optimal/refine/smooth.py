@@ -46,7 +46,7 @@ def time_energy(task: Task) -> tuple[list[Optimum], SearchResult]:
     for phases in queue.optima():
         paid = cost(task.problem, phases)
         task.progress(f"replaying an optimum of J = {paid:.4f} s")
-        landed.append(replace(_landed(task, phases), cost=paid))
+        landed.append(replace(_replayed(task, phases), cost=paid))
         if landed[-1].landed(options.replay_tolerance) or task.stop:
             break
     failed = attempts if landed else _none_of(task, attempts, queue.failed)
@@ -54,7 +54,7 @@ def time_energy(task: Task) -> tuple[list[Optimum], SearchResult]:
     return landed, SearchResult((), failed=tuple(failed), listed=queue.durations, iterations=iterations)
 
 
-def _landed(task: Task, phases: Phases) -> Optimum:
+def _replayed(task: Task, phases: Phases) -> Optimum:
     """Replay an optimum, and check its costates by the adjoint equations along the replay.
 
     The replay's torques are linear between samples. In strongly unstable motions this interpolation error matters:
@@ -210,7 +210,7 @@ class _BestFirst:
             self._waiting.append(_Candidate(own * (_LAST if likely_artefact else 1.0), found))
 
     def _improve(self, best: Phases, error: float) -> None:
-        """Try another structure, or a finer mesh; give the lead up if neither converges."""
+        """Try another structure, or a finer mesh; if neither converges, it fails or stays unresolved."""
         numbers, rough = self._task.policy.smooth, error >= self._task.policy.smooth.rough
         better: Phases | Unresolved | None = None if rough else _restructured(self._task, best, error)
         if better is None and (size := doubled(best.arc_of.size, numbers.most_rough if rough else numbers.most)):
@@ -240,7 +240,7 @@ def _solved(task: Task, arcs: Sequence[Arc], size: int, near: Phases, error: flo
     numbers = task.policy.smooth
     density = near.density if error < numbers.artefact else None
     size = max(size, 3 * len(arcs))
-    return solve_phases(task, arcs, near.torques, size, near=error < numbers.warm, density=density)
+    return solve_phases(task, arcs, near.torques, size, warm=error < numbers.warm, density=density)
 
 
 def _hamiltonian_error(problem: MinimumTimeProblem, phases: Phases) -> float:

@@ -96,7 +96,7 @@ class SearchSettings:
     meshes: Sequence[int]
     settings: Sequence[SolverSettings]
 
-    def of(self, k: int) -> tuple[int, SolverSettings]:
+    def for_guess(self, k: int) -> tuple[int, SolverSettings]:
         """Number of intervals and solver settings for the guess k."""
         return self.meshes[k % len(self.meshes)], self.settings[k // len(self.meshes) % len(self.settings)]
 
@@ -120,7 +120,7 @@ def search(task: Task, count: int, search_settings: SearchSettings, extra_jobs: 
 
     attempts, solved = list[Attempt](), list[float]()
     guesses = splines(task.problem, vias, numbers.guess_duration)
-    jobs = [*extra_jobs, *guess_jobs(task, guesses, [search_settings.of(k) for k in range(count)])]
+    jobs = [*extra_jobs, *guess_jobs(task, guesses, [search_settings.for_guess(k) for k in range(count)])]
     for attempt in in_batches(jobs[:1] if task.stop else jobs, task):
         attempts.append(attempt)
         own = len(attempts) - len(extra_jobs)
@@ -196,7 +196,7 @@ def crossover_guesses(
         several = range(first + len(children), first + min(count, len(children) + numbers.round))
         seeded = [(np.random.default_rng([task.options.seed, k]), k) for k in several]
         guesses = Guesses.joined([crossover(task.problem, parents, random, k, numbers) for random, k in seeded])
-        children += in_batches(guess_jobs(task, guesses, [search_settings.of(k) for k in several]), task)
+        children += in_batches(guess_jobs(task, guesses, [search_settings.for_guess(k) for k in several]), task)
     return children
 
 

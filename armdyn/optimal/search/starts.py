@@ -203,7 +203,7 @@ _ALIKE = 0.1
 
 
 def swing_up_guesses(
-    problem: MinimumTimeProblem, random: np.random.Generator, count: int, swing_up_guesses: Sequence[int], spread: float
+    problem: MinimumTimeProblem, random: np.random.Generator, count: int, swings: Sequence[int], spread: float
 ) -> list[list[Array]]:
     """Paths on which joints without a motor swing further and further, until the last swing reaches the goal.
 
@@ -213,7 +213,7 @@ def swing_up_guesses(
         problem: the minimum-time problem.
         random: random generator of amplitudes, and of the poses of joints with a motor.
         count: number of paths.
-        swing_up_guesses: numbers of swings, used in turn.
+        swings: numbers of swings, used in turn.
         spread: of the paths: standard deviation of the logarithm of a swing, and of other poses [rad or m].
 
     Returns:
@@ -225,7 +225,7 @@ def swing_up_guesses(
         return []
     vias = []
     for k in range(count):
-        most = swing_up_guesses[k % len(swing_up_guesses)]
+        most = swings[k % len(swings)]
         parts = np.arange(1, most + 1)[:, None] / (most + 1)
         sides = np.where((most - np.arange(most))[:, None] % 2, -1.0, 1.0)  # the last swing is away from the goal
         swung = parts * sides * away * random.lognormal(0, spread, (most, away.size))

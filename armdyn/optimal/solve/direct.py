@@ -81,7 +81,7 @@ class Legs:
     durations: Array
 
     @property
-    def of(self) -> Index:
+    def of_interval(self) -> Index:
         """Leg of each interval, shape (N,)."""
         return np.repeat(np.arange(len(self.intervals)), self.intervals)
 
@@ -142,7 +142,7 @@ def solve_on_mesh(
     lower, upper = bounds(problem, layout, intervals, scales)
     shares = fractions
     if len(legs.intervals) > 1:
-        shares = fractions * legs.durations[legs.of] / legs.durations.sum()
+        shares = fractions * legs.durations[legs.of_interval] / legs.durations.sum()
     values = constraints.values(problem)
     parameters = scales.parameters(fractions, weights, task.dynamics.last_body)
     parameters = np.concatenate([parameters, numbers_of(values)])
@@ -189,8 +189,8 @@ def _fix_legs(
     knots = layout.knots(N)
     if several:
         times = layout.times(N)
-        durations = legs.durations[np.append(legs.of, legs.of[-1])] / scales.time
-        least = np.maximum(problem.leg_bounds() / scales.time, 1e-3)[np.append(legs.of, legs.of[-1])]
+        durations = legs.durations[np.append(legs.of_interval, legs.of_interval[-1])] / scales.time
+        least = np.maximum(problem.leg_bounds() / scales.time, 1e-3)[np.append(legs.of_interval, legs.of_interval[-1])]
         x[times], lower[times] = durations, least
     offsets = np.broadcast_to(aim.offsets, (len(legs.intervals), layout.nv))
     for knot, q, offset in zip(legs.knots, problem.poses[1:], offsets, strict=True):

@@ -110,10 +110,10 @@ class Ipopt(Generic[P]):
             },
         )
 
-    def solve(self, data: NlpData, stop: Stop, near: NlpResult | None = None) -> NlpResult:
+    def solve(self, data: NlpData, stop: Stop, warm_start: NlpResult | None = None) -> NlpResult:
         """Solve the program, see `Solver.solve`; the only place that calls IPOPT."""
         (lbx, ubx), (lbg, ubg) = data.x_bounds, data.g_bounds
-        more = {} if near is None else {"lam_x0": near.lam_x, "lam_g0": near.lam_g}
+        more = {} if warm_start is None else {"lam_x0": warm_start.lam_x, "lam_g0": warm_start.lam_g}
         with one_at_a_time, self._monitor.watching(stop):
             result = self._solver(x0=data.x, p=data.p, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg, **more)
             stats: dict[str, Any] = self._solver.stats()

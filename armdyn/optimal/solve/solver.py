@@ -84,13 +84,13 @@ class Solver(Protocol[P_co]):
     @property
     def program(self) -> P_co: ...
 
-    def solve(self, data: NlpData, stop: Stop, near: NlpResult | None = None) -> NlpResult:
+    def solve(self, data: NlpData, stop: Stop, warm_start: NlpResult | None = None) -> NlpResult:
         """Solve the program.
 
         Args:
             data: the program's numbers.
             stop: stopping condition, polled every few iterations.
-            near: result of a similar program, for a warm start if the settings request it.
+            warm_start: result of a similar program, for a warm start if the settings request it.
         """
         ...
 

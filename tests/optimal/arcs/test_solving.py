@@ -34,7 +34,7 @@ def test_another_mesh_finds_the_same_durations(solution):
 
 def test_it_ends_off_the_goal_by_the_given_error(solution):
     offset = np.array([1e-3, -2e-3, 0.01, 0.02])
-    found = again(solution, near=True, offset=offset)
+    found = again(solution, warm=True, offset=offset)
     np.testing.assert_allclose(np.hstack([found.q[-1], found.v[-1]]), solution.problem.x_goal + offset, atol=1e-12)
 
 
@@ -42,7 +42,7 @@ def test_costates_are_how_the_time_to_go_depends_on_the_state(solution):
     """Differences of t_f for neighbouring goals, against the costate at the end: ρ there is −∂t_f/∂x_goal."""
     step = 1e-4
     for i in range(4):
-        beside = [again(solution, near=True, offset=sign * step * np.eye(4)[i]) for sign in (1, -1)]
+        beside = [again(solution, warm=True, offset=sign * step * np.eye(4)[i]) for sign in (1, -1)]
         slope = (beside[0].duration - beside[1].duration) / (2 * step)
         assert -solution.phases.costate[-1, i] == pytest.approx(slope, rel=1e-4)
 

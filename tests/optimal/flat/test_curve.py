@@ -87,7 +87,7 @@ def motion():
 
 def test_a_curve_near_a_motion_begins_and_ends_where_it_does():
     basis, spec = Basis(graded(40, 1.0)), motion()
-    curve = Curve.near(spec, basis)
+    curve = Curve.from_motion(spec, basis)
     assert curve.duration == spec.duration and curve.passing.size == 0
     (whole,) = curve.legs
     # A curve is off its control points by about q'' h²: 20 of (1/40)².

@@ -20,7 +20,7 @@ def test_collocation_of_the_same_arcs_agrees(solution):
     # Five-stage Radau IIA of ninth order, solved by IPOPT: durations, costates from its multipliers, sensitivities.
     own = solution()
     task = Task.of(own.problem, MinimumTimeOptions(compile=False))
-    other = solve_phases(task, own.phases.arcs, own.phases.torques, 48, near=True)
+    other = solve_phases(task, own.phases.arcs, own.phases.torques, 48, warm=True)
     assert isinstance(other, Phases)
     assert own.phases.duration == pytest.approx(other.duration, rel=1e-8)
     scale = np.max(np.abs(other.costate), axis=0)
