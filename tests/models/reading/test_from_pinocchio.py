@@ -76,7 +76,7 @@ def limits(n, effort=2.0):
 def test_limits_that_are_given():
     given = limits(1)
     assert MODEL(pendulum(), limits=given).limits is given
-    with pytest.raises(SpecError, match="a robot of 1 joints has 1 joint names and 2 limits"):
+    with pytest.raises(SpecError, match="a robot of 1 joint has 1 joint names and 2 limits"):
         MODEL(pendulum(), limits=limits(2))
     with pytest.raises(SpecError, match="limits is 3; it must be a JointLimits"):
         MODEL(pendulum(), limits=3)
