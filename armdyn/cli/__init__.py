@@ -25,7 +25,7 @@ def main() -> None:
     with interrupts.Guard():
         from armdyn.cli import streams
 
-        streams.settle()
+        streams.make_robust()
         try:
             from armdyn.cli.app import application, only_command
 

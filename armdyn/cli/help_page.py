@@ -99,7 +99,7 @@ def _row(name: str, about: RenderableType, width: int) -> RenderableType:
 
 
 def _called(param: Any) -> str:
-    """An option's names and its value's; an argument's own."""
+    """Names of an option, with the name of its value; of an argument its name."""
     if param.param_type_name == "argument":
         return str(param.metavar or param.name.upper())
     names = "/".join([*param.opts, *param.secondary_opts])

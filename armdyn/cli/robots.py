@@ -131,5 +131,5 @@ def _marks() -> tuple[str, ...]:
 
 
 def which(some: Sequence[str], joints: Sequence[str]) -> str:
-    """Names of some of a robot's joints, in words."""
+    """Names of some of a robot's joints in a sentence; "all joints" if these are all."""
     return "all joints" if len(some) == len(joints) else ", ".join(some)

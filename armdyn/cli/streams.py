@@ -10,7 +10,7 @@ BAD_INPUT, DISK_FULL = 2, 5
 """Exit codes."""
 
 
-def settle() -> None:
+def make_robust() -> None:
     """Make standard output and error robust: no encoding and no closed pipe raises an error.
 
     A character that the terminal's encoding lacks is written as its escape. Output without a
@@ -20,9 +20,9 @@ def settle() -> None:
         SystemExit: standard output is closed.
     """
     for number in (0, 1, 2):
-        _hold(number)
-    sys.stderr = _settled(sys.stderr) or open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115  # for good
-    out = _settled(sys.stdout)
+        _open_on_null_device(number)
+    sys.stderr = _robust(sys.stderr) or open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115  # for good
+    out = _robust(sys.stdout)
     if out is None:
         sys.stderr.write("armdyn: standard output is closed; to discard it, send it to /dev/null\n")
         sys.exit(BAD_INPUT)
@@ -50,7 +50,7 @@ def flushed(code: str | int | None) -> str | int | None:
     return code
 
 
-def _hold(number: int) -> None:
+def _open_on_null_device(number: int) -> None:
     """Point a closed descriptor to the null device: else the next opened file would get its number."""
     try:
         os.fstat(number)
@@ -58,7 +58,7 @@ def _hold(number: int) -> None:
         os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
 
 
-def _settled(stream: TextIO | None) -> TextIO | None:
+def _robust(stream: TextIO | None) -> TextIO | None:
     if not isinstance(stream, io.TextIOWrapper):
         return stream
     file: io.RawIOBase = _UntilNobodyReads(stream.fileno(), "wb", closefd=False)

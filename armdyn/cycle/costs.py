@@ -129,7 +129,7 @@ def _saving(duration: float, without: float | None) -> float | None:
 
 
 def _simpler(move: Move) -> Iterator[tuple[str, Move]]:
-    """A move without each of its conditions."""
+    """The move with one condition left out, for each of its conditions, after the condition's name."""
     for i in range(len(move.via)):
         yield f"via {i + 1}", replace(move, via=(*move.via[:i], *move.via[i + 1 :]))
     if move.retreat is not None:

@@ -165,7 +165,7 @@ class _SoFar:
         return tuple(row for row in rows if self._plan.includes(row.table))
 
     def first(self) -> tuple[Outcome, ...]:
-        """Once, when all with the figures' payload are there and drawn: those; else none."""
+        """Outcomes with the figures' payload, returned once: when all are there and drawn; else none."""
         shown = [case for case in self._cases if case.payload == self._plan.shown_payload]
         if self._reported or len(self.pictures) < self._figures or not self.found.keys() >= set(shown):
             return ()
@@ -240,6 +240,6 @@ def _keep(folder: Path, outcome: Outcome, kept: bool, with_folder: bool) -> None
 
 
 def _has_folder(case: Case, plan: Plan) -> bool:
-    """The six examples as the paper states them, with the figures' payload."""
+    """Whether a case is one of the six examples as the paper states them, with the figures' payload."""
     stated = Case(case.example, case.arm, case.paper_example.kind, plan.shown_payload, arrival_rule=case.arrival_rule)
     return case == stated

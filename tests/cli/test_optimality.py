@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.cli.motion.optimality import _could
+from armdyn.cli.motion.optimality import _possible
 from cli.command import answer, run_here
 
 QUICK = ("--search", "quick", "--no-report", "--no-figure", "--json")
@@ -156,7 +156,7 @@ def test_a_planner_is_measured_by_the_accelerations_that_it_had_to_keep(motion, 
     ],
 )
 def test_rounding_is_no_gain_of_time(taken, words):
-    assert _could(SimpleNamespace(gap=taken - 0.2, duration=taken, optimal_duration=0.2, feasible=False)) == words
+    assert _possible(SimpleNamespace(gap=taken - 0.2, duration=taken, optimal_duration=0.2, feasible=False)) == words
 
 
 def test_ctrl_c_is_no_missing_optimum(motion, here, monkeypatch):

@@ -103,7 +103,7 @@ def _words(found: ad.TimeOptimality) -> dict[str, str]:
     if solution.success:
         certified = "certified" if solution.certified else "not certified"
         words["the fastest takes"] = f"{found.optimal_duration:.6f} s, {certified}"
-        words["it could be"] = _could(found)
+        words["it could be"] = _possible(found)
     else:
         words["the fastest"] = f"was not found: {solution.message}"
     slides = solution.problem.robot.slides
@@ -129,7 +129,7 @@ _ROUNDING = 1e-9
 """Largest relative difference of equal durations: the replay is aimed to 1e-9."""
 
 
-def _could(found: ad.TimeOptimality) -> str:
+def _possible(found: ad.TimeOptimality) -> str:
     """Possible gain of time; a motion faster than the fastest one found exceeds a limit, or the search missed it."""
     if abs(found.gap) <= _ROUNDING * found.duration:
         return "no faster: it takes as long as the fastest that was found"

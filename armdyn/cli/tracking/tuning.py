@@ -117,7 +117,7 @@ def tune(
         "chosen on": str(found.training),
         "held out": "-" if found.held_out is None else str(found.held_out),
         **_ramp_too_fast(model, found),
-        "to run it": _to_run(found, family),
+        "to run it": _track_options(found, family),
         "controllers run": str(found.evaluations),
         "results": str(folder),
     }
@@ -141,7 +141,7 @@ def _ramp_too_fast(model: ad.Robot, found: ad.Tuned) -> dict[str, str]:
     }
 
 
-def _to_run(found: ad.Tuned, family: FamilyOptions) -> str:
+def _track_options(found: ad.Tuned, family: FamilyOptions) -> str:
     """The chosen numbers as options of `armdyn track`; in Python where it has none for them."""
     from armdyn.control.laws.registry import CONTROLLERS
 

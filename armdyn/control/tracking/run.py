@@ -100,7 +100,7 @@ class Run:
 
     @property
     def settled(self) -> bool:
-        """All joints came within the tolerance of the goal and stayed."""
+        """Whether all joints came within the tolerance of the goal and stayed."""
         return self.status == "settled"
 
     def with_stability(self, stability: SampledStability) -> Self:

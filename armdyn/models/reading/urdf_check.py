@@ -112,7 +112,7 @@ def inertia_tensor(inertial: ElementTree.Element, source: str, where: str) -> Ar
 
 
 def inertia_fault(tensor: Array) -> str:
-    """Why no body has such an inertia about its centre of mass [kg m²], shape (3, 3); empty if one may."""
+    """Fault, in words, of an inertia about the centre of mass [kg m²], shape (3, 3), that no body has; else empty."""
     if np.max(np.abs(tensor)) < POINT_MASS:
         return ""  # a point mass
     moments = np.linalg.eigvalsh(tensor)

@@ -180,9 +180,9 @@ class Payload(Checked):
 
     @classmethod
     def at_last_com(cls, spec: ArmSpec, mass: float) -> Payload:
-        """Payload "mM" of Giv and Malek (2024), in one reading: m becomes m + M while l_c and I stay as they are.
+        """Point mass at the last link's centre of mass.
 
-        That is a point mass at the last link's centre of mass.
+        It is payload "mM" of Giv and Malek (2024), in one reading: m becomes m + M while l_c and I stay as they are.
         """
         last = expect(spec, ArmSpec, "spec", error=SpecError).links[-1]
         return Payload(mass=mass, com=(last.com - last.length, 0.0, 0.0))

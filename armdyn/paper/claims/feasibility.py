@@ -32,7 +32,7 @@ class Holding:
 
     @property
     def possible(self) -> bool:
-        """All torques are within their limits."""
+        """Whether all torques are within their limits."""
         return all(abs(torque) <= limit for torque, limit in zip(self.torque, self.limit, strict=True))
 
 

@@ -88,7 +88,7 @@ class OneLink:
         return float(np.sqrt(-self.r))
 
     def transition(self, t: float) -> Array:
-        """exp(tM) of (13), shape (2, 2), put right: by ω = √|r|, of determinant 1.
+        """exp(tM) of (13), shape (2, 2), corrected: by ω = √|r|, of determinant 1.
 
         Args:
             t: [s].

@@ -61,7 +61,7 @@ class Traits:
 
 
 def turning_points(q: Array) -> Array:
-    """Start, every extreme from which the joint then goes back at least 1e-3 rad, and the last extreme.
+    """Turning points: the start, extremes that a way back of at least 1e-3 rad follows, and the last extreme.
 
     Args:
         q: one joint's positions over time [rad], shape (n,).
@@ -81,7 +81,7 @@ def turning_points(q: Array) -> Array:
 
 
 def largest_error(motion: Trajectory, q_goal: ArrayLike, since: float) -> float:
-    """Farthest that any joint is from its goal from a time on [rad].
+    """Largest distance of any joint from its goal, from a time on [rad].
 
     Args:
         motion: of nv joints.
@@ -117,7 +117,7 @@ class PayloadEffect:
 
     @property
     def rises(self) -> bool:
-        """Every payload has a time, and each takes longer than the one before."""
+        """Whether every payload has a time, and each takes longer than the one before."""
         times = [t for _, t in self.reached]
         return len(times) == len(self.times) and bool(np.all(np.diff(times) > 0))
 

@@ -1,4 +1,4 @@
-"""Pontryagin's canonical system of an arm: equations (16) to (21) of the paper, put right, for any arm.
+"""Pontryagin's canonical system of an arm: equations (16) to (21) of the paper, corrected, for any arm.
 
 With L = 1 + w/2 τᵀτ and H = L + ρᵀf(x, τ), x = (q, v), f = (v, ABA(q, v, τ)):
 

@@ -66,7 +66,7 @@ class _IndirectTask:
 
     @property
     def fastest(self) -> bool:
-        """Minimum time is requested, by a law that leads there."""
+        """Whether minimum time is requested, by a law that leads there."""
         return self.problem.effort_weight == 0 and self.options.law.minimises
 
     @property

@@ -20,7 +20,7 @@ Reading = Literal["tip", "mM"]
 m + M while l_c and I stay, as the paper's PID times say."""
 
 Variant = Literal["lagrangian", "printed"]
-"""Equations of motion: "lagrangian", the arm's; "printed", equation (7) by the letter, RRR only."""
+"""Equations of motion: "lagrangian", the arm's; "printed", equation (7) as printed, RRR only."""
 
 States = Literal["printed", "example 2"]
 """Of Example 5: as printed there, or Example 2's, which the text lets one expect."""

@@ -12,27 +12,27 @@ Check = Callable[[object], bool]
 
 
 def is_number(value: object) -> bool:
-    """A number, which True is not. `files.read_json` gives finite ones alone."""
+    """Whether a value is a number, which True is not. `files.read_json` returns only finite ones."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def is_number_or_none(value: object) -> bool:
-    """A number, or the text of one that is not finite."""
+    """Whether a value is a number, or the text of one that is not finite."""
     return value is None or is_number(value)
 
 
 def is_numbers(value: object) -> bool:
-    """A list of numbers."""
+    """Whether a value is a list of numbers."""
     return isinstance(value, list) and all(map(is_number, value))
 
 
 def is_flag(value: object) -> bool:
-    """True or False."""
+    """Whether a value is True or False."""
     return isinstance(value, bool)
 
 
 def is_text(value: object) -> bool:
-    """A string."""
+    """Whether a value is a string."""
     return isinstance(value, str)
 
 

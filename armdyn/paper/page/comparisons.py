@@ -13,9 +13,9 @@ from armdyn.show.markup import Html, element, join, table
 
 _FORMULAS = (
     ("switch_interval_s", "printed", "by that formula"),
-    ("switch_interval_s", "lagrangian", "put right, π/√|r|"),
+    ("switch_interval_s", "lagrangian", "corrected, π/√|r|"),
     ("switch_torque_nm", "printed", "by that formula"),
-    ("switch_torque_nm", "lagrangian", "put right, τ limit"),
+    ("switch_torque_nm", "lagrangian", "corrected, τ limit"),
 )
 _TIMES = (
     ("minimum_time", "tip", "lagrangian", "minimum"),

@@ -182,7 +182,7 @@ def drawn_cases(number: int, payload: float) -> tuple[Case, ...]:
 
 
 def _fit_mechanics(panels: Sequence[Axes], figure: PaperFigure) -> None:
-    """Panels sized by the arm's own motions: equation (7) as printed throws it about."""
+    """Scale the panels by the motions of the corrected equations: those of (7) as printed are far larger."""
     own = [o.trajectory for o in figure.outcomes if o.case.variant == "lagrangian" and o.trajectory is not None]
     if not own or len(own) == len(figure.outcomes):
         return

@@ -186,7 +186,7 @@ def _approaches(outcomes: Sequence[Outcome]) -> Html:
             element("h3", "The second approach: direct and indirect"),
             element(
                 "p",
-                "Direct: collocation of the optimal-control problem. Indirect: the canonical system (18), put right, "
+                "Direct: collocation of the optimal-control problem. Indirect: the canonical system (18), corrected, "
                 "as a boundary-value problem by three-stage Lobatto IIIA, for minimum time ending in multiple "
                 "shooting on the switching times.",
             ),

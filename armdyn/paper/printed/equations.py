@@ -19,7 +19,7 @@ from armdyn.models.values.spec import GRAVITY, ArmSpec
 
 @dataclass(frozen=True, kw_only=True)
 class PrintedArm:
-    """D(q) a + C(q, v) v + g(q) = tau by the letter of equation (5), (6) or (7).
+    """D(q) a + C(q, v) v + g(q) = tau as equation (5), (6) or (7) is printed.
 
     The product C v is that of the printed matrix with the vector of velocities, as in (28) to (30).
 

@@ -1,4 +1,4 @@
-"""The paper's law of the second approach, (19) to (21), by the letter.
+"""The paper's law of the second approach, (19) to (21), as printed.
 
 (19), one joint: τ = −ρ_v. (20) and (21), two and three: τ = −D⁻¹ρ_v = −S. With H = 1 + ρᵀf, which is linear in τ
 and which that torque does not minimise: it is the law of H = 1 + w/2 τᵀτ + ρᵀf with w = 1, and (19), which lacks

@@ -82,7 +82,7 @@ def first_approach_grid() -> Grid:
         "Both from -π/2 to π/20 under ±3 N m. "
         "The linearisation takes cos θ for θ + π/2, 1.73 at the goal where it is 0.99."
     )
-    return Grid("The first approach, put right, against the true minimum time", header, tuple(body), note)
+    return Grid("The first approach, corrected, against the true minimum time", header, tuple(body), note)
 
 
 def _number(value: float | None) -> str:

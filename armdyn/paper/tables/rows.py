@@ -105,7 +105,7 @@ def all_rows(outcomes: Iterable[Outcome], payloads: Sequence[float] = PAYLOADS) 
 
 
 def table_3(payloads: Sequence[float] = PAYLOADS) -> list[Row]:
-    """Table 3: by the printed formulas, and by the law put right."""
+    """Table 3: by the printed formulas, and by the corrected law."""
     return [row for payload in payloads for reading in READINGS for row in _first_approach(payload, reading)]
 
 
@@ -232,7 +232,7 @@ def _value(printed: Printed | None) -> float | None:
 
 
 def _with_columns(rows: list[Row]) -> list[Row]:
-    """Rows whose reasons say how the whole column fares, lest a single hit be taken for a match."""
+    """Rows whose reasons also give the rms error of the column, so that one hit is not taken for a match."""
     errors: dict[tuple[object, ...], list[float]] = {}
     for row in rows:
         if row.table != 7 and row.published is not None and row.ours is not None:

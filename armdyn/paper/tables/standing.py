@@ -33,7 +33,7 @@ def time_of(arm: PlanarArmName, example: int, payload: float) -> Number:
 
 
 def standings(rows: Iterable[Row]) -> dict[Number, Verdict]:
-    """The best verdict on each of the paper's numbers, over all readings of the paper that it was held against."""
+    """Best verdict on each of the paper's numbers, over all readings of the paper."""
     best: dict[Number, Verdict] = {}
     for row in rows:
         if row.published is not None:
@@ -43,7 +43,7 @@ def standings(rows: Iterable[Row]) -> dict[Number, Verdict]:
 
 
 def column(rows: Iterable[Row], **wanted: object) -> list[tuple[float, float]]:
-    """Published and ours of the times that have both and are as wanted, in the order of their payloads.
+    """Pairs of published and computed times, of rows with the given attributes, by increasing payload.
 
     Args:
         rows: of any tables; totals of torque, other states and other signs than the paper's examples are left out.

@@ -91,7 +91,7 @@ def plot_reserves(rows: Sequence[Mapping[str, Any]], title: str | None = None) -
 
 
 def _draw_controller(axes: Axes, rows: Sequence[Mapping[str, Any]], color: str, place: int) -> None:
-    """One controller: worst, mean, and how many arms settle where not all do, in a line of its own."""
+    """Draw one controller: worst, mean, and in a further line how many arms settle where not all do."""
     whole = [row for row in rows if row["worst"] is not None]
     r, own, worst, mean = (
         np.array([[100 * row["reserve"], row["duration"], row["worst"], row["mean"]] for row in whole]).reshape(-1, 4).T

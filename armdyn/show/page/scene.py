@@ -124,7 +124,7 @@ def short_names(names: Sequence[str]) -> list[str]:
 
 
 def playing_speed(durations: Sequence[float]) -> float:
-    """Playing time over real time, a round number: motions of very different length meet halfway."""
+    """Seconds of motion per second of playing, a round number of at most 1; of several by their mean duration."""
     factor = float(np.sqrt(min(durations) * max(durations))) / WATCHABLE
     return min((s for s in _SPEEDS if s <= 1.0), key=lambda s: abs(np.log(s / factor)))
 
