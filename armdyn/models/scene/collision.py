@@ -14,6 +14,8 @@ from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.values.placement import Point
 from armdyn.trajectory import Trajectory
 
+DEEPEST = 0.01
+"""Largest overlap of bodies that may touch at a given pose [m]: convex parts of meshes are larger than these."""
 _TOUCHES = 5e-5
 """Distance or overlap below which bodies touch, in words [m]."""
 
@@ -199,13 +201,16 @@ class CollisionModel:
     def nearer(self, q: ArrayLike, than: float) -> tuple[Clearance, ...]:
         """Pairs of names that are nearer than a clearance and may not be, the nearest first.
 
+        Pairs that may touch overlap by `DEEPEST` at most.
+
         Args:
             q: joint positions [rad or m], shape (nv,).
             than: the clearance [m].
         """
         distances = self.distances(q, than)
-        distances[self.touching] = np.inf
-        found = np.flatnonzero(distances < than)
+        least = np.full(distances.size, than)
+        least[self.touching] = -DEEPEST
+        found = np.flatnonzero(distances < least)
         nearest = dict[tuple[str, str], Clearance]()
         for k in found[np.argsort(distances[found], kind="stable")]:
             nearest.setdefault(self.pairs[k], self._clearance(int(k), q, 0.0))

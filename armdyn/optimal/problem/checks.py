@@ -10,7 +10,7 @@ from armdyn.arguments import several, shown
 from armdyn.arrays import Array
 from armdyn.errors import ArmdynWarning, ContactError, ProblemError
 from armdyn.models.robots.robot import Robot
-from armdyn.models.scene.collision import CollisionModel
+from armdyn.models.scene.collision import DEEPEST, Clearance, CollisionModel
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
 from armdyn.optimal.problem.planning_limits import reserve_words
@@ -135,7 +135,7 @@ def check_clear(model: CollisionModel, poses: Sequence[tuple[str, Array]], clear
         if contacts := model.nearer(q, clearance):
             rest = len(contacts) - 1
             more = f", and {rest} more {'pairs are' if rest > 1 else 'pair is'} too near" if rest else ""
-            message = f"at the {name}, {contacts[0].bodies()}{more}; clearance is {1e3 * clearance:g} mm"
+            message = f"at the {name}, {contacts[0].bodies()}{more}; {_needed(model, contacts[0], clearance)}"
             raise ContactError(message, model.robot, model.obstacles, q, contacts)
 
 
@@ -147,10 +147,17 @@ def clear_goals(model: CollisionModel, goals: Sequence[Array], clearance: float)
         k = max(range(len(goals)), key=lambda k: contacts[k][0].distance)
         message = (
             f"the goal pose cannot be reached clear of everything: in the best of {len(goals)} branches "
-            f"{contacts[k][0].bodies()}; clearance is {1e3 * clearance:g} mm"
+            f"{contacts[k][0].bodies()}; {_needed(model, contacts[k][0], clearance)}"
         )
         raise ContactError(message, model.robot, model.obstacles, goals[k], contacts[k])
     return clear
+
+
+def _needed(model: CollisionModel, contact: Clearance, clearance: float) -> str:
+    """The requirement that a contact violates."""
+    if (contact.body, contact.other) in [model.pairs[k] for k in model.touching]:
+        return f"end_contacts may overlap by {1e3 * DEEPEST:g} mm at most"
+    return f"clearance is {1e3 * clearance:g} mm"
 
 
 @dataclass(frozen=True)

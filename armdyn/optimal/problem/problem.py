@@ -86,7 +86,8 @@ class MinimumTimeProblem:
         allowed_contacts: pairs of names, of links, tool, payload and obstacles, that may touch: no distance is
             computed.
         end_contacts: pairs of names that may touch at the start, a via point or the goal, such as a payload and the
-            table under it: during the motion they keep the clearance, or the least distance at these poses.
+            table under it, with an overlap of 10 mm at most: during the motion they keep the clearance, or the least
+            distance at these poses.
         acceleration_limit: [rad/s² or m/s²]: one number or one per joint; None: none.
         jerk_limit: likewise [rad/s³ or m/s³]; with one, the acceleration is zero at both ends.
         path_constraints: further constraints along the path, such as `FrameSpeedLimit(0.25)` or

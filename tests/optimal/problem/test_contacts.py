@@ -65,8 +65,11 @@ def test_a_box_leaves_its_table_and_does_not_dig_in():
 
 
 def test_end_contacts_in_files_and_on_the_command_line(tmp_path):
-    wall = ad.Plane((0.45, 0, 0), (-1, 0, 0), name="wall")  # the payload at the tip touches it at the goal
-    problem = posed(obstacles=[wall], end_contacts=[("payload", "wall"), ("link2", "wall")])
+    pairs = [("payload", "wall"), ("link2", "wall")]
+    with pytest.raises(ProblemError, match=r"is 45.* mm inside 'wall'.*end_contacts may overlap by 10 mm at most"):
+        posed(obstacles=[ad.Plane((0.45, 0, 0), (-1, 0, 0), name="wall")], end_contacts=pairs)
+    wall = ad.Plane((0.49, 0, 0), (-1, 0, 0), name="wall")  # the payload at the tip touches it at the goal
+    problem = posed(obstacles=[wall], end_contacts=pairs)
     (tmp_path / "problem.toml").write_text(problem.to_toml())
     assert ad.read_problem(tmp_path / "problem.toml").end_contacts == problem.end_contacts
     given = PathConstraintOptions(end_contact=["payload, plane"]).problem_arguments(paper_arm("rr"))
