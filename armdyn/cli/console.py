@@ -180,14 +180,18 @@ _REDRAWN = 0.1
 
 
 class Bar:
-    """Progress bar on standard error."""
+    """Progress bar on standard error; without one of rich's it is hidden."""
 
-    def __init__(self, bar: Progress, total: int):
-        self._bar, self._task = bar, bar.add_task("", total=total)
+    def __init__(self, bar: Progress | None, total: int):
+        self._bar = bar
+        if bar is not None:
+            self._task = bar.add_task("", total=total)
         self._drawn = 0.0
 
     def update(self, done: int, text: str, total: int | None = None) -> None:
         """Set the count of finished cases, and the text next to the bar."""
+        if self._bar is None:
+            return
         now = time.monotonic()
         due = now - self._drawn >= _REDRAWN
         self._drawn = now if due else self._drawn
@@ -196,6 +200,9 @@ class Bar:
     @contextmanager
     def aside(self) -> Iterator[None]:
         """Hide the bar while other text is printed."""
+        if self._bar is None:
+            yield
+            return
         self._bar.stop()
         yield
         self._bar.start()
@@ -204,13 +211,15 @@ class Bar:
 @contextmanager
 def progress_bar(name: str, total: int) -> Iterator[Bar]:
     """Show a progress bar with a name and a count, if standard error is a terminal."""
+    if console.quiet or not errors.rich.is_terminal:
+        yield Bar(None, total)
+        return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = (TextColumn(escape(name)), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     # It refreshes itself in a thread otherwise, and processes are to be forked.
     text = TextColumn("{task.description}")
-    hidden = console.quiet or not errors.rich.is_terminal
-    with Progress(*columns, text, console=errors.rich, transient=True, auto_refresh=False, disable=hidden) as bar:
+    with Progress(*columns, text, console=errors.rich, transient=True, auto_refresh=False) as bar:
         own = Bar(bar, total)
         bar.refresh()
         yield own

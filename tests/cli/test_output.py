@@ -12,7 +12,7 @@ import typer
 from typer.testing import CliRunner
 
 import armdyn as ad
-from armdyn.cli.console import Answer
+from armdyn.cli.console import Answer, progress_bar
 from armdyn.cli.execution import carry_out
 from armdyn.cli.options.results import OutputOptions
 from armdyn.models import Robot
@@ -200,3 +200,11 @@ def test_a_warning_is_printed_at_once_and_only_once(capsys):
     with pytest.raises(typer.Exit):
         carry_out(command)
     assert seen[0].count("warning: the goal cannot be held") == 1 and not capsys.readouterr().err
+
+
+def test_a_hidden_bar_does_without_rich_progress(monkeypatch):
+    monkeypatch.setitem(sys.modules, "rich.progress", None)  # an import raises
+    with progress_bar("study.toml", 2) as bar:
+        bar.update(1, "one of two")
+        with bar.aside():
+            pass
