@@ -24,6 +24,7 @@ from armdyn.files import as_json, read_json, write_whole
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.obstacles import Obstacle, obstacle_entry, payload_entry
 from armdyn.models.values.actuator_limits import torque_speed_entry
+from armdyn.show.page.facts import Facts
 from armdyn.trajectory import Trajectory
 
 _FORMAT = "armdyn-result-1"
@@ -129,7 +130,10 @@ def save_result(path: str | os.PathLike[str], robot: Robot, facts: dict[str, obj
         ValueError: a number is not finite, or a fact has a name that is taken.
     """
     head = result_head(robot)
-    head["model"] |= {"file": _file_from(Path(path).parent, robot.source)}
+    folder, named = Path(path).parent, Facts(facts).part("request").part("options").text("robot")
+    head["model"] |= {"file": _file_from(folder, robot.source)}
+    if named.lower().endswith(".toml"):
+        head["model"]["table"] = _file_from(folder, named)
     if taken := head.keys() & facts.keys():
         raise ValueError(f"facts must not be called {', '.join(sorted(taken))}")
     return write_whole(path, (json.dumps(head | facts, indent=1, allow_nan=False) + "\n").encode())

@@ -327,6 +327,14 @@ def test_a_file_that_a_result_names_is_the_arm_if_it_is_the_very_one(tracked, tm
     (tmp_path / "rr.urdf").write_text((tmp_path / "rr.urdf").read_text().replace('mass value="', 'mass value="1'))
     done = run_here("compare", "a", "other.csv", "--json", "--out", "both")
     assert "rr.urdf is not the arm that moved" in answer(done, 2)["warnings"][0]
+    # A table [robot] alone, with inertias of its own, as `armdyn identify` writes it.
+    bodies = {f"joint{k}": [0.2, 0.03, 0.0, 0.0, 1e-5, 0.0, 0.007, 0.0, 0.0, 0.007] for k in (1, 2)}
+    (tmp_path / "arm.toml").write_text(
+        "[robot]\nname = 'rr'\ninertias = {" + ", ".join(f"{name} = {row}" for name, row in bodies.items()) + "}\n"
+    )
+    answer(run_here("track", "arm.toml", *poses, "--ramp", "1", "--no-figure", "--no-report", "--json", "--out", "a"))
+    monkeypatch.chdir("elsewhere")
+    assert answer(run_here("compare", "../a", "../other.csv", "--json", "--out", "both"))["warnings"] == []
 
 
 @pytest.mark.usefixtures("unrendered")

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from armdyn.cli.options.robot import PartOptions, ends_of
+from armdyn.cli.options.robot import PartOptions, ends_of, kind_of_file
 from armdyn.cli.reports.saved import Saved, is_given, motion_of, read_saved
 from armdyn.errors import ArmdynError, ArmdynWarning, FileError, ProblemError, TrajectoryError
 from armdyn.models import PLANAR_ARMS, JointLimits, Payload, Robot
@@ -102,20 +102,24 @@ def _robot_of(saved: Saved, said: str, model: Facts) -> str | None:
     Args:
         saved: the result.
         said: as the user named the robot, perhaps in another working folder; or a file of a problem or a cycle with it.
-        model: the result's: its file, from the result's folder, or the name of an arm that comes with armdyn.
+        model: the result's: its files, from the result's folder, or the name of an arm that comes with armdyn.
     """
     if _NAME.fullmatch(said):
         return said
     folder = (saved.path if saved.path.is_dir() else saved.path.parent).resolve()
-    files = (os.path.normpath(folder / model.text("file")), said)
+    files = (*(os.path.normpath(folder / model.text(one)) for one in ("table", "file")), said)
     name, comes_along = model.text("name"), model.text("source").startswith(_OURS)
     own = name if comes_along and _NAME.fullmatch(name) else None
     return next((file for file in files if _is_file(file)), own)
 
 
 def _is_file(name: str) -> bool:
-    """Whether the name is that of a robot's file that exists."""
-    return name.lower().endswith(_ROBOT_FILES) and Path(name).is_file()
+    """Whether the name is that of a robot's file that exists, a table [robot] alone among them."""
+    if name.lower().endswith(_ROBOT_FILES):
+        return Path(name).is_file()
+    with suppress(ArmdynError):
+        return kind_of_file(name) == "robot"
+    return False
 
 
 def _built(name: str, facts: Facts, spec: SubjectSpec) -> Robot:
