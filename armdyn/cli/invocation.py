@@ -38,6 +38,7 @@ _PHRASES = {
     "FrameSpeedLimit": "--limit tip-speed",
     "RmsTorque": "--limit rms-torque",
     "TorqueRateLimit": "--limit torque-rate",
+    "`geometry` False": "--no-geometry",
 }
 """Options of other expressions of Python in messages."""
 

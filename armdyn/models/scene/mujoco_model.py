@@ -59,7 +59,7 @@ def mujoco_model(
         TrajectoryError: a name has characters that XML cannot have.
     """
     robot, model = expect_robot(robot), robot.model
-    solids = bodies(robot) if flag(geometry, "geometry") else ()
+    solids = _solids(robot) if flag(geometry, "geometry") else ()
     root = Element("mujoco", model=xml_name(robot.name))
     SubElement(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false", balanceinertia="false")
     SubElement(root, "option", gravity=_words(model.gravity.linear), integrator="RK4", timestep="0.0005")
@@ -151,6 +151,18 @@ def _body(parent: Element, robot: Robot, joint: int) -> Element:
     mass = _words([max(inertia.mass, _LEAST_MASS)])
     SubElement(body, "inertial", pos=_words(inertia.lever), mass=mass, fullinertia=_words(full))
     return body
+
+
+def _solids(robot: Robot) -> tuple[Body, ...]:
+    """Solids of the arm.
+
+    Raises:
+        ProblemError: it has none; the message names the option that does without.
+    """
+    try:
+        return bodies(robot)
+    except ProblemError as error:
+        raise ProblemError(f"{error}; with `geometry` False the model has none") from None
 
 
 def _geometry(body: Element, asset: Element, name: str, solid: Body) -> None:

@@ -233,5 +233,7 @@ def test_it_has_no_geometry():
     robot = MODEL(pendulum()).with_limits(20.0, 5.0)
     with pytest.raises(ProblemError, match="was read from no URDF, so it has no geometry"):
         bodies(robot)
+    with pytest.raises(ProblemError, match="a URDF has geometry; with `geometry` False the model has none"):
+        ad.mujoco_model(robot)
     with pytest.raises(ProblemError, match="no geometry"):
         ad.MinimumTimeProblem(robot, q_start=[0.0], q_goal=[0.5], obstacles=[ad.Sphere((1.0, 0.0, 0.0), 0.1)])
