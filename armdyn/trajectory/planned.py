@@ -47,6 +47,8 @@ _UNITS = {
     "mm": 1e-3, "cm": 1e-2, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9,
 }  # fmt: skip
 """Factors to SI of the first of a column's units, such as deg of deg/s."""
+_REST_OF_UNIT = {"s", "sec", "m", "or", "rad", "N"}
+"""Words of the rest of a column's unit, such as of rad/s or m/s."""
 _COLUMN = re.compile(r"(?P<what>[a-z_]+?)[_\[./ ]*(?P<number>\d+)\]?")
 
 
@@ -228,8 +230,8 @@ def _sorted(file: Path, names: Sequence[str], table: Array, joints: Sequence[str
             continue
         if joint in found.setdefault(what, {}):
             raise TrajectoryError(f"{file}: column {shown(name)} is there twice")
-        first = re.split(r"[^a-zA-Z°µ]", "" if unit.isdigit() else unit.strip())[0]
-        if first not in _UNITS:
+        first, *others = re.findall(r"[a-zA-Z°µ]+", unit) or ["" if unit.isdigit() or not unit.strip() else unit]
+        if first not in _UNITS or not _REST_OF_UNIT.issuperset(others):
             known = ", ".join(one for one in _UNITS if one)
             raise TrajectoryError(f"{file}: column {shown(name)} has no unit that is known: {known}")
         found[what][joint] = _UNITS[first] * table[:, k]

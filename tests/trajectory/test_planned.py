@@ -92,6 +92,8 @@ def test_arrays(tmp_path, names):
         ("t,q1\n0,1\n", "1 columns are q, of 2 joints"),
         ("t,q1,q3\n0,1,2\n", "2 columns are q"), ("t,q1,q1\n0,1,2\n", "column 'q1' is there twice"),
         ("t,q1 [turns],q2\n0,1,2\n", "column 'q1 [turns]' has no unit that is known: s, sec, rad"),
+        ("t,q1 [%],q2\n0,1,2\n", "column 'q1 [%]' has no unit that is known"),
+        ("t [rad/ms],q1,q2\n0,1,2\n", "column 't [rad/ms]' has no unit that is known"),
         ("t,q1,q2\n0,1,\n", "line 2: '' is not a number"), ("a\0b,c\n1,2", "there is no t and no q"),
     ],
 )  # fmt: skip
