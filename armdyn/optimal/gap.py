@@ -27,6 +27,7 @@ from armdyn.optimal.proof.repeat import OPEN_LOOP_GROWTH
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
+from armdyn.trajectory.planned import Planned
 
 BUSY = 0.95
 """Part of a limit above which a torque, from the middle of its range, or a speed makes a joint active."""
@@ -233,8 +234,9 @@ def trajectory_from_path(
 ) -> Trajectory:
     """A trajectory from a planner's samples, with torques by inverse dynamics (`rnea` and the joints' friction).
 
-    Missing rates are derivatives of the cubic spline (not-a-knot) through the given ones. At a jump of the acceleration
-    a spline overshoots over a few samples; give `a` if the planner has it.
+    Missing velocities are derivatives of the cubic spline (not-a-knot) through the positions. Missing accelerations are
+    means over the steps around each sample, by differences: at a jump of the acceleration a spline overshoots over a
+    few samples. Give `a` if the planner has it.
 
     Args:
         robot: the arm.
@@ -254,7 +256,8 @@ def trajectory_from_path(
     if np.min(np.diff(bare.t)) <= _JUMP * bare.duration:
         raise TrajectoryError("two samples are a jump: positions there have no derivative; give the torques instead")
     speeds = CubicSpline(bare.t, bare.q)(bare.t, 1) if v is None else bare.v
-    given = CubicSpline(bare.t, speeds)(bare.t, 1) if a is None else numbers(a, "a", error=TrajectoryError)
+    means = Planned(bare.t, bare.q, None if v is None else bare.v, None, None).accelerations
+    given = means() if a is None else numbers(a, "a", error=TrajectoryError)
     if given.shape != bare.v.shape or not np.all(np.isfinite(given)):
         raise TrajectoryError(f"a has shape {given.shape}; expected {bare.q.shape}, as q has, and finite")
     tau = inverse_dynamics(robot)(bare.q, speeds, given)

@@ -136,7 +136,7 @@ def test_torques_that_lead_elsewhere_show_in_the_replay():
     assert time_optimality(paper_arm("r"), wrong).replay_error > 0.01
 
 
-def test_derivatives_that_are_not_given_come_from_splines():
+def test_derivatives_that_are_not_given_come_from_the_others():
     robot = paper_arm("rr")
     t, q, v, a = quintic(robot, *POSES["rr"], 0.5)
     exact = trajectory_from_path(robot, t, q, v, a)
@@ -145,6 +145,10 @@ def test_derivatives_that_are_not_given_come_from_splines():
         np.testing.assert_allclose(guessed.v, exact.v, atol=1e-4)  # O(h³) at the ends, h = 2.5 ms
         np.testing.assert_allclose(guessed.tau, exact.tau, atol=0.02)
     assert exact.joint_names == robot.joint_names
+    # From limit to limit: a spline would be up to a third beyond.
+    t = np.linspace(0, 1, 21)
+    bang = trajectory_from_path(robot, t, np.zeros((21, 2)), np.minimum(t, 1 - t)[:, None] * [1.0, 0.0])
+    assert np.abs(bang.tau[:, 0] - bang.tau[10, 0]).max() == pytest.approx(np.abs(bang.tau[0, 0] - bang.tau[10, 0]))
 
 
 def test_bad_input():
@@ -164,7 +168,7 @@ def test_bad_input():
     with pytest.raises(TrajectoryError, match="q has shape"):
         trajectory_from_path(robot, t, q[:-1])
     with pytest.raises(ProblemError, match="same state"):
-        time_optimality(robot, trajectory_from_path(robot, [0, 1], np.zeros((2, 2))))
+        time_optimality(robot, trajectory_from_path(robot, [0, 1, 2], np.zeros((3, 2))))
     with pytest.raises(ProblemError, match="outside its limits"):
         time_optimality(robot, trajectory_from_path(robot, t, q + 4, v, a))
 

@@ -93,8 +93,7 @@ def motion_of(robot: ad.Robot, file: Path) -> Trajectory:
     planned = read_planned(file, robot.joint_names)
     _refuse_degrees(robot, file, planned.q)
     try:
-        a = planned.accelerations() if planned.a is None and planned.tau is None else planned.a
-        motion = ad.trajectory_from_path(robot, planned.t, planned.q, planned.v, a, name=file.stem)
+        motion = ad.trajectory_from_path(robot, planned.t, planned.q, planned.v, planned.a, name=file.stem)
     except TrajectoryError as error:
         raise TrajectoryError(f"{file}: {error}") from None
     return motion if planned.tau is None else replace(motion, tau=planned.tau)
