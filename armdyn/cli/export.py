@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from inspect import signature
 from pathlib import Path
+
+import numpy as np
 
 import armdyn as ad
 from armdyn.arguments import one_of, shown
@@ -223,11 +226,15 @@ def export(
         more = "[red]not written[/]; without --preset it is, for simulations and figures"
         facts = {"success": False, "status": "refused", "message": f"not written: {found}", "controller": found.facts()}
         return Answer(facts=facts, shown=[*check_shown(found, target.name), more], code=NOT_USABLE)
+    holds = None
+    if kind is Ros2:
+        samples, holds = with_holding_torque(samples, file, motion)
     content = mujoco.content(file, motion, samples, fields.motors) if mujoco.model else output_format.text(samples)
     target.parent.mkdir(parents=True, exist_ok=True)
     write_whole(target, content.encode())
     count, duration = samples.t.size, motion.duration
     facts = {"format": kind.name, "rate": ticks, "samples": count, "duration": duration, "deviation": deviation}
+    facts |= {} if holds is None else {"holds": holds}
     facts |= {} if found is None else {"controller": found.facts()}
     even = "its own samples" if ticks is None else f"{ticks:g} Hz"
     said = [f"{escape(str(target))}  ({count} rows at {even}, {duration:.6f} s)"]
@@ -237,6 +244,8 @@ def export(
             warnings.warn(f"the controller would refuse {target.name}: {found}", ArmdynWarning, stacklevel=2)
     if deviation is not None:
         said.append(f"ros2_control's spline between the points is at most {deviation:.2g} rad or m off the motion")
+    if holds is False:
+        said.append("the last effort is not the torque that holds the arm: no result next to the file says the arm")
     return done("written", facts, *said, files=[target])
 
 
@@ -273,6 +282,28 @@ def check_samples(preset: ad.ControllerPreset, samples: ad.Samples, acceleration
     return preset.check(
         ad.Trajectory(samples.t, samples.q, samples.v, samples.tau, samples.joint_names, hold="zero-order")
     )
+
+
+def with_holding_torque(samples: ad.Samples, file: Path, motion: ad.Trajectory) -> tuple[ad.Samples, bool]:
+    """Samples whose last torques hold the arm where the motion ends, and whether they do: the arm must be known.
+
+    Args:
+        samples: of the motion; ros2_control repeats their last row for good.
+        file: the motion's file, or that of a sum of which the motion is a piece; a result next to it says the arm.
+        motion: the motion.
+    """
+    from armdyn.cli.reports.saved import read_saved
+    from armdyn.cli.reports.subject import SubjectSpec, subject_of
+    from armdyn.models.robots.loads import is_motion_of, robots_of
+
+    saved = read_saved(file)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of an arm that is not drawn
+        arm = subject_of(saved, SubjectSpec()).robot
+    if arm is None or not is_motion_of(arm, saved.motion):
+        return samples, False
+    torque = robots_of(arm, motion)[-1].holding_torque(samples.q[-1])
+    return replace(samples, tau=np.vstack([samples.tau[:-1], torque])), True
 
 
 def usual_rate(kind: type[OutputFormat]) -> float:

@@ -43,6 +43,9 @@ a femtosecond is longer."""
 _LAST_STEP = 1e-3
 """Of a tick: a tick that is nearer to the end is left out. At `MOST_RATE` that is `LEAST_STAMP`."""
 
+_REST = 1e-6
+"""Velocity at rest [rad/s or m/s]."""
+
 
 def finite(value: object, name: str) -> Array:
     """An array of finite numbers.
@@ -86,8 +89,9 @@ def check_shapes(motion: Any, arrays: Sequence[str]) -> None:
 class Samples(Checked):
     """States at strictly increasing stamps, and torques held from each stamp to the next.
 
-    `Trajectory.resample` makes them. Rows of `a` and `tau` are means over the step that begins at their stamp; the
-    last rows repeat those before them. The holding torque after the end is not included.
+    `Trajectory.resample` makes them. Rows of `a` and `tau` are means over the step that begins at their stamp. The last
+    row of `a` is zero if the motion ends at rest, since ros2_control repeats the last point for good; else it repeats
+    the one before, as the last row of `tau` does. The holding torque after the end is not included.
 
     Attributes:
         t: stamps [s], shape (n,), n >= 2, the first 0.
@@ -192,8 +196,9 @@ def samples_of(motion: Trajectory, rate: float | None) -> Samples:
         state = motion(np.minimum(motion.t[0] + t, motion.t[-1]))
         q, v = (np.vstack([known[:-1], end[-1:]]) for known, end in ((state.q, motion.q), (state.v, motion.v)))
         a, tau = np.diff(v, axis=0) / np.diff(t)[:, None], mean_torques(motion, t)
+    at_rest = bool(np.all(np.abs(v[-1]) <= _REST))
     return Samples(
-        t=t, q=q, v=v, a=np.vstack([a, a[-1:]]), tau=np.vstack([tau, tau[-1:]]),
+        t=t, q=q, v=v, a=np.vstack([a, 0 * a[-1:] if at_rest else a[-1:]]), tau=np.vstack([tau, tau[-1:]]),
         joint_names=motion.joint_names, name=motion.name, model_hash=motion.model_hash,
         pieces=tuple(replace(one, start=one.start - float(motion.t[0])) for one in motion.pieces),
     )  # fmt: skip

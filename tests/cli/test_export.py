@@ -118,6 +118,11 @@ def test_the_deviation_of_ros2_control_is_said_and_bounded(here):
     assert "give a higher --rate or --tolerance" in output["message"]
 
 
+def exported_message(file, holds):
+    assert answer(run_here("export", file, "--format", "ros2", "--json"))["holds"] is holds
+    return file.with_suffix(".json").read_text()
+
+
 def test_a_model_of_the_arm_that_moved(tmp_path):
     bare = ("--no-figure", "--no-report", "--json", "--out", "run")
     answer(run_here("mintime", "rr", "--payload", "0.1006", *bare, cwd=tmp_path))
@@ -125,6 +130,12 @@ def test_a_model_of_the_arm_that_moved(tmp_path):
     model = mujoco.MjSpec.from_file(str(tmp_path / output["files"][0])).compile()
     assert (model.nv, model.nu, model.nkey) == (2, 6, output["samples"]) and output["rate"] == 4000
     (tmp_path / "alone.npz").write_bytes((tmp_path / "run" / "trajectory.npz").read_bytes())
+    # ros2_control repeats the last point for good.
+    last = json.loads(exported_message(tmp_path / "run" / "trajectory.npz", holds=True))["points"][-1]
+    arm = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), ad.Payload(mass=0.1006))
+    np.testing.assert_allclose(last["effort"], arm.holding_torque(last["positions"]), rtol=1e-12)
+    assert last["accelerations"] == [0.0, 0.0]
+    exported_message(tmp_path / "alone.npz", holds=False)
     alone = ("export", "alone.npz", "--format", "mujoco", "--model", "--json")
     assert "give --robot" in answer(run_here(*alone, cwd=tmp_path), 2)["message"]
     assert "another arm, payload" in answer(run_here(*alone, "--robot", "rr", cwd=tmp_path), 2)["message"]
