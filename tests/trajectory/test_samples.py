@@ -140,7 +140,7 @@ def test_names_and_robot_stay_known():
         ({"q": [[0.0]]}, "q has shape .1, 1.; expected .2, joints."),
         ({"tau": [[0.0, 0.0], [0.0, 0.0]]}, "tau has shape"),
         ({"a": "fast"}, "a is 'fast'"),
-        ({"joint_names": ("a", "b")}, "2 joint names for 1 joints"),
+        ({"joint_names": ("a", "b")}, "2 joint names for 1 joint"),
         ({"name": 3}, "name is 3"),
     ],
 )
