@@ -11,7 +11,7 @@ from armdyn.cycle.steps import Grasp, Move, Release
 from armdyn.files import attributes
 from armdyn.models.scene.obstacles import payload_entry
 from armdyn.models.values.spec import Payload
-from armdyn.reprs import gap_words, joint_unit, percent
+from armdyn.reprs import gap_words, joint_unit, percent, short_time
 
 _QUANTITIES = {"torque limit": "torque", "velocity limit": "speed"}
 """Plain words for a limit of a joint."""
@@ -73,7 +73,7 @@ def _cost(cost: CycleCost, number: int) -> dict[str, Any]:
     where = f"step {number} ({cost.name}) without {cost.condition}" if number else cost.condition
     took = "no motion was found" if cost.saved is None else "no difference"
     if cost.saved is not None and abs(cost.saved) >= _NOTHING:
-        took = f"{'about ' if cost.about else ''}{1e3 * abs(cost.saved):.3g} ms {'less' if cost.saved > 0 else 'more'}"
+        took = f"{'about ' if cost.about else ''}{short_time(abs(cost.saved))} {'less' if cost.saved > 0 else 'more'}"
     return asdict(cost) | {"step": number, "said": f"{where}: {took}"}
 
 
@@ -133,7 +133,7 @@ def _remedy(leg: CycleLeg | None, duration: float, costs: Sequence[CycleCost]) -
     else:
         choices += [(RAISED * one.part * duration, f"{percent(RAISED)} more of it") for one in leg.solution.decides[:1]]
     saved, words = max(choices, default=(0.0, ""))
-    return f"{words} saves {1e3 * saved:.3g} ms" if saved >= _NOTHING else ""
+    return f"{words} saves {short_time(saved)}" if saved >= _NOTHING else ""
 
 
 def _checks(solution: CycleSolution) -> Iterator[tuple[str, bool | None, str]]:

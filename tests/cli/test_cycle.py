@@ -69,8 +69,9 @@ def test_files_are_the_motion_with_its_payloads_its_formats_and_the_table(solved
 
 def test_the_table_is_for_people(solved):
     folder, _ = solved
+    (folder / "again.toml").write_text(BOLT.replace("[cycle]", "[cycle]\nclosed = true"))
     done = run_here(
-        "cycle", "bolt.toml", "--no-figure", "--no-report", "--out", "out", "--require", "gap:1e-9", cwd=folder
+        "cycle", "again.toml", "--no-figure", "--no-report", "--out", "out", "--require", "gap:1e-9", cwd=folder
     )
     assert done.returncode == 4
     for words in (
@@ -82,6 +83,16 @@ def test_the_table_is_for_people(solved):
         "no cycle through",
     ):
         assert words in " ".join(done.stdout.split()), words
+
+
+@pytest.mark.slow
+def test_a_rest_of_minutes_has_a_file_of_a_lower_rate(tmp_path):
+    (tmp_path / "bolt.toml").write_text(BOLT.replace("dwell = 0.2", "dwell = 300"))
+    said = run_here("cycle", "bolt.toml", "--no-figure", "--no-report", "--out", "out", cwd=tmp_path).stdout
+    assert "300 s of it at rest" in said and "an hour" not in said  # it ends elsewhere: there is no next one
+    assert "a rest of 300 s,10 % shorter saves 30 s" in (tmp_path / "out" / "steps.csv").read_text()
+    _, _, second, *others = (tmp_path / "out" / "trajectory.csv").read_text().splitlines()
+    assert second.startswith("0.002,") and others[-1].startswith("300.")
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from armdyn.errors import FileError, ProblemError
 from armdyn.files import csv_text, write_whole
 from armdyn.trajectory.formats import FORMATS, OutputFormat
 from armdyn.trajectory.formats.streams import Stream
+from armdyn.trajectory.samples import MOST_SAMPLES
 
 if TYPE_CHECKING:
     from armdyn.models.scene.obstacles import Obstacle
@@ -184,10 +185,18 @@ def _write(
     files = [write_whole(folder / _STEPS, csv_text([heads, *map(_cells, summary["steps"])]).encode())]
     suffixes = [kind.suffix for kind in formats]
     for kind in formats:
-        samples, _, _ = sampled(kind(), motion, None, usual_rate(kind))
+        samples, _, _ = sampled(kind(), motion, None, _rate(kind, motion.duration))
         own = f"trajectory{'' if suffixes.count(kind.suffix) == 1 else f'-{kind.name}'}{kind.suffix}"
         files.append(write_whole(folder / own, kind().text(samples).encode()))
     return written.with_files(files)
+
+
+def _rate(kind: type[OutputFormat], duration: float) -> float:
+    """Rows per second of a motion's file [Hz]: halved while there are too many, if no controller asks for the rate."""
+    rate = usual_rate(kind)
+    while duration * rate >= MOST_SAMPLES and not issubclass(kind, Stream):
+        rate /= 2
+    return rate
 
 
 def _obstacles(solution: ad.CycleSolution) -> list[Obstacle]:
@@ -220,7 +229,8 @@ def _words(solution: ad.CycleSolution, summary: dict[str, Any]) -> dict[str, str
         words["status"] = solution.message
     if (duration := summary["duration"]) is not None:
         rests = summary["dwell"]
-        words["cycle"] = f"{duration:.6f} s, {rests:g} s of it at rest; {3600 / duration:.0f} cycles an hour"
+        often = f"; {3600 / duration:.0f} cycles an hour" if solution.cycle.closed else ""
+        words["cycle"] = f"{duration:.6f} s, {rests:g} s of it at rest{often}"
     if solution.gap is not None:
         words["verdict"] = f"executable, {gap_words(solution.gap)}"
     else:
