@@ -160,6 +160,7 @@ class _Recipe(Generic[T]):
 
     @classmethod
     def of(cls, compiler: str, source: str, instructions: int, loaded: Callable[[str], T]) -> "_Recipe[T]":
+        """Recipe of a C source, whose numbers go into a table: sources that differ in numbers alone share a library."""
         numbers, place = tuple(float(number) for number in _NUMBER.findall(source)), count()
         source = _TABLE.format(len(numbers) or 1) + _NUMBER.sub(lambda _: f"numbers[{next(place)}]", source)
         made_by = (ca.CasadiMeta.version(), platform.machine(), compiler, *FLAGS, source)

@@ -199,7 +199,7 @@ class CollisionModel:
         return replace(nearest, sure=sure), tuple(missed.tolist())
 
     def nearer(self, q: ArrayLike, than: float) -> tuple[Clearance, ...]:
-        """Pairs of names that are nearer than a clearance and may not be, the nearest first.
+        """Smallest distance of every pair of names that is nearer than a clearance and may not be, the nearest first.
 
         Pairs that may touch overlap by `DEEPEST` at most.
 

@@ -41,7 +41,7 @@ class CurveCost:
 
     Attributes:
         durations: indices of the durations, shape (legs,).
-        duration: index of the duration of each point's leg, shape (points,).
+        duration_of_point: index of the duration of each point's leg, shape (points,).
         tie: price of squared torques, shape (points,) [s].
         effort: price of squared torques per duration, shape (points, joints) [-].
         steps: price of squared differences of the torques of neighbouring points of a leg, shape (points - 1,) [s].
@@ -49,7 +49,7 @@ class CurveCost:
     """
 
     durations: Index
-    duration: Index
+    duration_of_point: Index
     tie: Array
     effort: Array
     steps: Array
@@ -69,7 +69,7 @@ class CurveCost:
         gradient[:-1] -= steps
         out = self.moving @ x + at.jacobian.T @ gradient.ravel()
         out[self.durations] += 1
-        np.add.at(out, self.duration, np.sum(self.effort * at.tau**2, axis=1) / 2)
+        np.add.at(out, self.duration_of_point, np.sum(self.effort * at.tau**2, axis=1) / 2)
         return np.asarray(out)
 
     def squares(self, x: Array, at: TorqueParts) -> tuple[sp.csr_matrix, Array]:
@@ -81,7 +81,7 @@ class CurveCost:
         return sp.vstack([at.jacobian, steps], format="csr"), np.append(prices, np.repeat(self.steps, n))
 
     def _prices(self, x: Array) -> Array:
-        return np.asarray(self.tie[:, None] + x[self.duration][:, None] * self.effort)
+        return np.asarray(self.tie[:, None] + x[self.duration_of_point][:, None] * self.effort)
 
 
 def quadratic_form(shape: CurveLayout, squares: Sequence[Array], scales: Array) -> sp.csr_matrix:
@@ -124,7 +124,7 @@ def curve_cost(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) ->
         moving = quadratic_form(shape, squared, travel_scales(task, guess))
     return CurveCost(
         durations=np.array([shape.duration(k) for k in shape.legs]),
-        duration=np.repeat([shape.duration(k) for k in shape.legs], sizes),
+        duration_of_point=np.repeat([shape.duration(k) for k in shape.legs], sizes),
         tie=parts * np.repeat(spec.smooth * times / n, sizes),
         effort=parts[:, None] * squares,
         steps=steps,

@@ -36,7 +36,7 @@ def _places(first: int, size: int, block: int, blocks: int) -> Index:
 
 @lru_cache(_KEPT)
 def _condensed_places(full: "Layout", N: int) -> Index:
-    """See `CondensedLayout.kept`."""
+    """Index of each unknown of the condensed layout in the full one; see `CondensedLayout.kept`."""
     knots = full.knots(N)
     torques = knots[:, full.knot.torque] if full.linear else full.torques(N)
     states = np.sort(np.concatenate([full.states(N).ravel(), torques.ravel()]))
