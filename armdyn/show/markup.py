@@ -102,7 +102,7 @@ def script(name: str) -> str:
     Raises:
         RuntimeError: it contains a closing script tag.
     """
-    return _fit(asset(name), name)
+    return _without_closing(asset(name), name)
 
 
 def viewer_script() -> str:
@@ -115,10 +115,10 @@ def viewer_script() -> str:
 
     bundle = Path(str(meshcat.__file__)).with_name("viewer") / "dist" / "main.min.js"
     # XML namespaces are no links, but a search of the page for links should find none.
-    return _fit(re.sub(r'"http(s?)://', r'"http\1:"+"//', bundle.read_text("utf-8")), "meshcat's bundle")
+    return _without_closing(re.sub(r'"http(s?)://', r'"http\1:"+"//', bundle.read_text("utf-8")), "meshcat's bundle")
 
 
-def _fit(text: str, name: str) -> str:
+def _without_closing(text: str, name: str) -> str:
     if _CLOSING.search(text):
         raise RuntimeError(f"{name} cannot stand in a page: it contains a closing script tag")
     return text

@@ -99,7 +99,7 @@ class MonteCarlo:
         from scipy.stats import binomtest
 
         within = number(within, "within", unit="s", sign="not negative", finite=False)
-        count = len(self._some())
+        count = len(self._expect_rows())
         settled = int(np.sum(np.isfinite(self.settled_times) & (self.settled_times <= within)))
         interval = binomtest(settled, count).proportion_ci(_CONFIDENCE, method="wilson")
         return SuccessRate(settled, count, settled / count, float(interval.low), float(interval.high))
@@ -115,7 +115,7 @@ class MonteCarlo:
         Raises:
             ProblemError: one is not; there are no rows.
         """
-        self._some()
+        self._expect_rows()
         return np.asarray(np.quantile(self.settled_times, parts_of(parts, "parts"), method="inverted_cdf"))
 
     @property
@@ -130,7 +130,7 @@ class MonteCarlo:
             farthest = np.inf if row.peak_error is None else row.peak_error
             return (np.inf, farthest) if row.settled_time is None else (row.settled_time, 0.0)
 
-        return max(self._some(), key=badness)
+        return max(self._expect_rows(), key=badness)
 
     @property
     def beyond_limits(self) -> tuple[PlantRow, ...]:
@@ -156,7 +156,7 @@ class MonteCarlo:
             ProblemError: a part is not in 0 to 1; there are no rows.
         """
         setup, options = self.question.setup, self.question.options
-        numbers = [row.k for row in self._some()]
+        numbers = [row.k for row in self._expect_rows()]
         ticks = max(int(np.ceil(setup.duration * setup.loop.rate - 1e-9)), 1)
         kept = np.arange(0, ticks + 1, max(-(-ticks // _SAMPLES), 1))
         reference = setup.ticks.q[np.minimum(kept, len(setup.ticks.q) - 1)]
@@ -191,7 +191,7 @@ class MonteCarlo:
             "interrupted": self.interrupted,
         }
 
-    def _some(self) -> tuple[PlantRow, ...]:
+    def _expect_rows(self) -> tuple[PlantRow, ...]:
         if not self.rows:
             raise ProblemError("there are no rows: the study was interrupted before the first arm ended")
         return self.rows

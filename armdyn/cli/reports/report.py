@@ -158,9 +158,7 @@ def compare(shown: ShownOptions, output: OutputOptions) -> Answer:
             title=title,
             unresolved=unresolved,
             sliding=subject.sliding,
-            captions=[
-                f"{row.name}, {'not at the goal' if row.there is None else _duration_there(row)}" for row in rows
-            ],
+            captions=[f"{row.name}, {'not at the goal' if row.there is None else _arrival(row)}" for row in rows],
         )
         files = [page, *save_figures(figure, folder / "figure", ("pdf", "svg"))]
     said = f"results in {escape(str(folder))}: {', '.join(file.name for file in files)}"
@@ -172,7 +170,7 @@ def _table(title: str, rows: Sequence[Compared]) -> Shown:
     cells = [
         (
             row.name,
-            _duration_there(row),
+            _arrival(row),
             "-" if k == 0 or row.later is None else f"{100 * row.later:+.1f} %",
             f"{row.work:.4g} J",
             *("-" if part is None else f"{100 * part:.3g} %" for part in (row.speed, row.torque)),
@@ -185,5 +183,5 @@ def _table(title: str, rows: Sequence[Compared]) -> Shown:
     return table(title, heads, cells, caption=caption)
 
 
-def _duration_there(row: Compared) -> str:
+def _arrival(row: Compared) -> str:
     return "-" if row.there is None else f"{row.there:.4f} s"

@@ -55,7 +55,7 @@ class TorqueLaw:
     remark: str = ""
 
 
-def _least(symbols: LawSymbols) -> ca.SX:
+def _minimiser(symbols: LawSymbols) -> ca.SX:
     return -symbols.switching / symbols.weight
 
 
@@ -63,5 +63,5 @@ def _time_and_effort(symbols: LawSymbols) -> ca.SX:
     return 1 + symbols.weight / 2 * ca.sumsqr(symbols.tau)
 
 
-MINIMUM = TorqueLaw("minimum", _least, _time_and_effort, minimises=True)
+MINIMUM = TorqueLaw("minimum", _minimiser, _time_and_effort, minimises=True)
 """The torque that minimises H with L = 1 + w/2 τᵀτ: −S/w."""

@@ -98,15 +98,15 @@ class Case:
     @property
     def q_start(self) -> tuple[float, ...]:
         """Joint positions at the start [rad]."""
-        return self._posed.q_start
+        return self._example_of_states.q_start
 
     @property
     def q_goal(self) -> tuple[float, ...]:
         """Joint positions at the end [rad]."""
-        return self._posed.q_goal
+        return self._example_of_states.q_goal
 
     @property
-    def _posed(self) -> Example:
+    def _example_of_states(self) -> Example:
         return example(self.arm, "minimum_time") if self.states == "example 2" else self.paper_example
 
     def robot(self) -> Robot:

@@ -38,14 +38,14 @@ def lead(rows: Sequence[Row], outcomes: Sequence[Outcome]) -> Html:
         _count(missing, "reproduced by no reading", "bad"),
     ]
     score = f"Of {sum(counts.values())} numbers in the paper’s Tables 3 to 7, computed from Table 1’s arms:"
-    return element("div", paper, element("p", score), element("ul", *big, class_="counts"), _trust(outcomes))
+    return element("div", paper, element("p", score), element("ul", *big, class_="counts"), _accuracy(outcomes))
 
 
 def _count(n: int, words: str, kind: str) -> Html:
     return element("li", element("b", str(n)), f" {words}", class_=kind)
 
 
-def _trust(outcomes: Sequence[Outcome]) -> Html:
+def _accuracy(outcomes: Sequence[Outcome]) -> Html:
     optima = [one for one in outcomes if one.case.kind != "pid" and one.time is not None]
     certified = sum(bool(one.facts.get("certified")) for one in optima)
     both = [
@@ -73,7 +73,7 @@ def evidence(rows: Sequence[Row], outcomes: Sequence[Outcome]) -> Html:
         _laws,
         _equation,
         _payload,
-        _again,
+        _reproduced_column,
     ]
     found = [card for part in parts if (card := part(rows, outcomes)) is not None]
     return element("div", *found, class_="evidence")
@@ -158,7 +158,7 @@ def _payload(rows: Sequence[Row], outcomes: Sequence[Outcome]) -> Html | None:
     )
 
 
-def _again(rows: Sequence[Row], outcomes: Sequence[Outcome]) -> Html | None:
+def _reproduced_column(rows: Sequence[Row], outcomes: Sequence[Outcome]) -> Html | None:
     pairs = column(rows, arm="r", kind="pid", reading="mM")
     near = [pair for pair in pairs if abs(pair[0] - pair[1]) <= ARRIVAL_TOLERANCE]
     if not near:

@@ -71,7 +71,7 @@ def write_page(
     pictures = sorted(pictures, key=lambda one: one.figure.number)
     sections = {
         "evidence": ("The evidence", evidence(rows, outcomes)),
-        "glance": ("At a glance", join([_glanced(payload), at_a_glance(outcomes, rows, payload), score(rows)])),
+        "glance": ("At a glance", join([_note_of_times(payload), at_a_glance(outcomes, rows, payload), score(rows)])),
         "tables": ("Tables 3 to 7", join([_verdicts(), *(comparison(number, rows) for number in range(3, 8))])),
         "figures": ("Figures 2 to 7", element("div", join(map(_picture, pictures)), class_="figures")),
         "replays": ("Replays", _stage(payload)),
@@ -123,7 +123,7 @@ def _methods(payload: float) -> Html:
     return join([element("ul", *(element("li", typeset(item)) for item in items)), element("p", grams)])
 
 
-def _glanced(payload: float) -> Html:
+def _note_of_times(payload: float) -> Html:
     grams = f"M = {1000 * payload:g} g. "
     return element("p", grams, element("span", "The paper’s numbers", class_="said"), " next to ours.")
 

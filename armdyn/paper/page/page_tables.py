@@ -155,10 +155,10 @@ def at_a_glance(outcomes: Iterable[Outcome], rows: Iterable[Row], payload: float
         body.append(
             [
                 element("td", arm.upper(), class_="first"),
-                _glanced(said, stand.get(time_of(arm, optimal, payload))),
+                _published_time(said, stand.get(time_of(arm, optimal, payload))),
                 element("td", first),
                 element("td", second),
-                _glanced(said_loop, stand.get(time_of(arm, loop, payload))),
+                _published_time(said_loop, stand.get(time_of(arm, loop, payload))),
                 element("td", third),
                 element("td", fourth),
                 element("td", stable),
@@ -167,7 +167,7 @@ def at_a_glance(outcomes: Iterable[Outcome], rows: Iterable[Row], payload: float
     return table(head, body)
 
 
-def _glanced(said: Printed | None, verdict: Verdict | None) -> Html:
+def _published_time(said: Printed | None, verdict: Verdict | None) -> Html:
     if said is None:
         return element("td", "–", class_="published group")
     kind = _CLASS[verdict or "not reproduced"]

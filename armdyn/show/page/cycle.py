@@ -130,7 +130,7 @@ def shown_parts(robot: Robot, motion: Trajectory, parts: Sequence[CarriedPart]) 
             carried = tuple(body_shapes(robot, one.payload))
             at = _in_world(robot, motion, carried, one.begin)
             before = resting.pop(one.payload.name, None)
-            if before is not None and _near(before.shapes, at):
+            if before is not None and _at_same_place(before.shapes, at):
                 yield replace(before, end=one.begin)
             else:
                 if before is not None:
@@ -152,6 +152,6 @@ def _in_world(robot: Robot, motion: Trajectory, shapes: Sequence[VisualShape], t
     )
 
 
-def _near(some: Sequence[VisualShape], others: Sequence[VisualShape]) -> bool:
+def _at_same_place(some: Sequence[VisualShape], others: Sequence[VisualShape]) -> bool:
     away = [one.placement[:3, 3] - other.placement[:3, 3] for one, other in zip(some, others, strict=False)]
     return len(some) == len(others) and all(np.linalg.norm(each) <= _SAME_PLACE for each in away)

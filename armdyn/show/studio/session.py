@@ -24,7 +24,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.show.results import write_report
 from armdyn.show.studio.solving import NewestFirst
-from armdyn.show.studio.state import StudioState, carrying, fitting_presets, posed, slider_limits
+from armdyn.show.studio.state import StudioState, carrying, fitting_presets, problem_of, slider_limits
 
 End = Literal["start", "goal"]
 END_NAMES: tuple[End, End] = ("start", "goal")
@@ -61,7 +61,7 @@ class SessionSetup:
     def solve(self, state: StudioState) -> Solution | str:
         """Solve the state's problem: the fastest motion, or the reason for a failure."""
         try:
-            problem, _ = posed(self.problem, carrying(self.problem.robot, state.payload), state, self.presets)
+            problem, _ = problem_of(self.problem, carrying(self.problem.robot, state.payload), state, self.presets)
             return solve_minimum_time(problem, replace(self.options, calm=state.calm))
         except ArmdynError as error:
             return str(error)
@@ -101,7 +101,7 @@ class Session:
         self._said = tuple[str, ...]()
         self._due = 0.0
         self._stack = ExitStack()
-        self._pose()
+        self._make_problem()
         self._solver = NewestFirst[StudioState, Solution | str](setup.solve, state)
 
     def __enter__(self) -> Self:
@@ -142,7 +142,7 @@ class Session:
         if state.payload != self.state.payload:
             self.robot = carrying(self.setup.problem.robot, state.payload)
         self.state, self._said = state, warnings
-        self._pose()
+        self._make_problem()
         if not (self.refused or self.current):
             self._solver.request(self.state)
 
@@ -234,10 +234,10 @@ class Session:
         else:
             self.failed = result or "the computation ended unexpectedly: change something to try again"
 
-    def _pose(self) -> None:
+    def _make_problem(self) -> None:
         self.problem, self.refused, self.touching, warnings = None, "", frozenset(), tuple[str, ...]()
         try:
-            self.problem, warnings = posed(self.setup.problem, self.robot, self.state, self.setup.presets)
+            self.problem, warnings = problem_of(self.setup.problem, self.robot, self.state, self.setup.presets)
         except ContactError as error:
             self.refused = str(error)
             self.touching = frozenset(end for end in END_NAMES if np.array_equal(error.q, getattr(self.state, end)))

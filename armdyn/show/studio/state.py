@@ -149,7 +149,7 @@ def carrying(robot: Robot, mass: float) -> Robot:
     return robot.with_payload(replace(now, mass=mass, inertia=inertia) if mass or now.shapes else None)
 
 
-def posed(
+def problem_of(
     problem: MinimumTimeProblem, robot: Robot, state: StudioState, presets: Mapping[str, ControllerPreset]
 ) -> tuple[MinimumTimeProblem, tuple[str, ...]]:
     """The problem of a state, and its warnings.

@@ -16,7 +16,7 @@ from armdyn.show.studio.state import (
     moved,
     new_obstacle,
     placement_of,
-    posed,
+    problem_of,
     resized,
     sizes_of,
 )
@@ -108,12 +108,12 @@ def test_another_mass_keeps_place_and_shape_and_scales_the_inertia():
 def test_conditions_outside_the_state_stay():
     problem = paper_problem("rr", via=[[-0.5, 0.3]], velocity_limit=30.0, reserve=[0.1, 0.3])
     state = StudioState.of(problem, 1e-3)
-    made, warned = posed(problem, problem.robot, state, {})
+    made, warned = problem_of(problem, problem.robot, state, {})
     assert not warned
     np.testing.assert_array_equal(made.via, problem.via)
     np.testing.assert_array_equal(made.limits.velocity, [30, 30])
     np.testing.assert_array_equal(made.reserves.effort, [0.1, 0.3])  # of each joint, until the slider says one for all
-    made, _ = posed(problem, problem.robot, StudioState(start=state.start, goal=state.goal, reserve=0.5), {})
+    made, _ = problem_of(problem, problem.robot, StudioState(start=state.start, goal=state.goal, reserve=0.5), {})
     np.testing.assert_array_equal(made.reserves.effort, [0.5, 0.5])
 
 
