@@ -82,7 +82,7 @@ def place(panel: str) -> int:
 def _option_row(param: Any) -> RenderableType:
     """An option's entry in the help: name, value, description."""
     name = Text(_called(param), style="bold cyan")
-    about = Text.from_markup(f"{param.help or ''}{_usual(param)}")
+    about = Text.from_markup(f"{param.help or ''}{_shown_default(param)}")
     narrow = console.rich.width < _NARROW
     if narrow or name.cell_len > _NAMES:
         return Rows(name, Padding(about, (0, 0, 0, 4 if narrow else _NAMES + 2)))
@@ -108,7 +108,7 @@ def _called(param: Any) -> str:
     return f"{names} {param.metavar}" if param.metavar else names
 
 
-def _usual(param: Any) -> str:
+def _shown_default(param: Any) -> str:
     """Default of an option, if one is to be shown."""
     if param.required:
         return " [dim](required)[/]"

@@ -184,7 +184,7 @@ class Samples(Checked):
 
 
 def samples_of(motion: Trajectory, rate: float | None) -> Samples:
-    """See `Trajectory.resample`."""
+    """Sample a motion at even times, or at its own; see `Trajectory.resample`."""
     if motion.q.shape[1] != motion.v.shape[1]:
         raise TrajectoryError(
             f"q has {motion.q.shape[1]} columns, v {motion.v.shape[1]}; expected one of each per joint, to be resampled"

@@ -119,13 +119,13 @@ def given(*groups: Any) -> dict[str, Any]:
     return found
 
 
-def _common(own: Mapping[str, object]) -> Iterator[Parameter]:
+def _common(names: Mapping[str, object]) -> Iterator[Parameter]:
     """Options that a command has besides its own: --json, --quiet, and --degrees if the command takes angles.
 
     Args:
-        own: the command's own options, complete when the first common one is read.
+        names: the command's own options by their names, complete when the first common one is read.
     """
-    angles = [flag_of(name) for name in _ANGLES if name in own]
+    angles = [flag_of(name) for name in _ANGLES if name in names]
     flags = [
         ("json", "One JSON object on standard output, nothing else.", OUTPUT),
         ("quiet", "Print errors and warnings only; files are written, and the exit code is the result.", OUTPUT),

@@ -110,7 +110,7 @@ def landed(task: Task, attempt: Attempt) -> Shooting | None:
             return None
         if np.max(np.abs(found[0])) <= numbers.closed:
             return motion
-        step = _closed(motion, found, free, task, numbers)
+        step = _newton_step(motion, found, free, task, numbers)
         if step is None:
             return None
         motion, free = step
@@ -138,7 +138,7 @@ def replay_on_goal(task: Task, attempt: Attempt) -> Trajectory:
         if not all(np.all(np.isfinite(each)) for each in found):
             break
         found[0][:-1], found[0][-1] = 0.0, problem.goal_error_of(replay) / tried.size
-        step = _closed(tried, found, free, task, shooting)
+        step = _newton_step(tried, found, free, task, shooting)
         if step is None:
             break
         motion, free = step
@@ -156,7 +156,7 @@ def _replayed(task: Task, motion: Shooting) -> tuple[Trajectory, float]:
     return replay, float(np.max(np.abs(task.problem.goal_error_of(replay)))) if whole else np.inf
 
 
-def _closed(
+def _newton_step(
     motion: Shooting, found: tuple[Array, Array, Array, Array], free: Flags, task: Task, numbers: ShootingPolicy
 ) -> tuple[Shooting, Flags] | None:
     """One step of Newton's method, and the torques that remain free: one that would exceed a limit is fixed to it.

@@ -30,15 +30,15 @@ class StageRows:
     """Rows as an expression of an interval's stages; without numbers, so that equal rows share a program.
 
     Attributes:
-        expression: (stages, numbers, *of) -> a column; a module-level function, so that equal rows compare equal.
-        of: further arguments of the expression.
+        expression: (stages, numbers, *arguments) -> a column; a module-level function: equal rows compare equal.
+        arguments: further arguments of the expression.
         numbers: number of parameters of the expression.
         where: intervals with rows.
         leg: index of the leg; None: the whole motion. Only curves have rows of one leg.
     """
 
     expression: Callable[..., ca.SX]
-    of: tuple[Hashable, ...] = ()
+    arguments: tuple[Hashable, ...] = ()
     numbers: int = 0
     where: Where = "every"
     leg: int | None = None
@@ -107,10 +107,10 @@ def _stage_functions(rows: StageRows, place: IntervalView) -> IntervalFunctions:
     one, numbers = place.stages(), ca.SX.sym("numbers", rows.numbers)
     p, name = ca.vertcat(one.p, numbers), rows.expression.__name__.strip("_")
     q, v, a = (ca.SX.sym(letter, *one.q.shape) for letter in "qva")
-    column = rows.expression(replace(one, q=q, v=v, a=a), numbers, *rows.of)
+    column = rows.expression(replace(one, q=q, v=v, a=a), numbers, *rows.arguments)
     if not column.is_column():
         raise ProblemError(f"rows of {rows.expression.__name__} have shape {column.shape}; they must be one column")
     if ca.depends_on(column, one.y):
-        return differentiated(name, one.y, p, rows.expression(one, numbers, *rows.of), None, place.compile)
+        return differentiated(name, one.y, p, rows.expression(one, numbers, *rows.arguments), None, place.compile)
     motion, inner = (ca.vertcat(*map(ca.vec, part)) for part in ((q, v, a), (one.q, one.v, one.a)))
     return differentiated(name, one.y, p, column, None, place.compile, (motion, inner))

@@ -122,20 +122,20 @@ class TorqueRateLimit(PathConstraint):
         return hold, np.where(held, 0.0, np.inf)
 
 
-def _slope(stages: Stages) -> ca.SX:
+def _torque_change(stages: Stages) -> ca.SX:
     """Change of the torque over the interval [N m or N]; the torque is linear in it."""
     slope: ca.SX = (stages.tau[:, -1] - stages.tau[:, 0]) / (stages.c[-1] - stages.c[0])
     return slope
 
 
 def _rates(stages: Stages, over_limit: ca.SX) -> ca.SX:
-    rates: ca.SX = _slope(stages) / stages.h * over_limit
+    rates: ca.SX = _torque_change(stages) / stages.h * over_limit
     return rates
 
 
 def _from_torque(stages: Stages, hold: ca.SX, part: float) -> ca.SX:
     """Difference of the torque from a given one at a fraction of the interval, over its scale."""
-    distance: ca.SX = (stages.tau[:, 0] + (part - stages.c[0]) * _slope(stages) - hold) / stages.effort
+    distance: ca.SX = (stages.tau[:, 0] + (part - stages.c[0]) * _torque_change(stages) - hold) / stages.effort
     return distance
 
 

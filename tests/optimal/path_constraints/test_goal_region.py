@@ -28,7 +28,7 @@ def test_deviations_are_those_of_the_placements(region, rows):
     np.testing.assert_allclose(values.upper * scale, goal.deviations[np.isfinite(goal.deviations)])
     q = ca.SX.sym("q", 6)
     stages = SimpleNamespace(q=ca.horzcat(0 * q, q), dynamics=ad.Dynamics(robot))
-    function = ca.Function("rows", [q], [one.expression(stages, ca.SX(values.numbers), *one.of)])
+    function = ca.Function("rows", [q], [one.expression(stages, ca.SX(values.numbers), *one.arguments)])
     model, data, frame = robot.model, robot.model.createData(), robot.model.getFrameId("tool0")
     for at in rng.uniform(-2, 2, (20, 6)):
         pin.framesForwardKinematics(model, data, at)

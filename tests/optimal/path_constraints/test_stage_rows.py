@@ -23,7 +23,7 @@ REGION = ad.GoalPose(ROBOT.tip, np.eye(4), tolerance=[0.01] * 6)
 def test_the_chain_rule(rows):
     one, numbers = PLACE.stages(), ca.SX.sym("numbers", rows.numbers)
     p = ca.vertcat(one.p, numbers)
-    direct = differentiated("direct", one.y, p, rows.expression(one, numbers, *rows.of), None, False)
+    direct = differentiated("direct", one.y, p, rows.expression(one, numbers, *rows.arguments), None, False)
     chained = rows.functions(PLACE)
     random = np.random.default_rng(3)
     y, given = random.uniform(0.2, 1, one.y.numel()), random.uniform(0.2, 1, p.numel())

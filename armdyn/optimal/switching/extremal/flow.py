@@ -51,7 +51,7 @@ A, B = _tableau()
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """CasADi Functions of an arm; x = (q, v).
+    """CasADi Functions that integrate an arm with their derivatives, and its switching functions; x = (q, v).
 
     Attributes:
         rollout: (x, own, begins, h, τ at the start, τ at the end, free_mask, held, body) -> ends of `STEPS` steps,
