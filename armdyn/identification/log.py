@@ -20,6 +20,7 @@ from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.npz import is_trajectory_file
 from armdyn.trajectory.planned import read_planned
+from armdyn.trajectory.value import Hold
 
 BAGS = (".mcap", ".db3", ".bag")
 """Suffixes of ROS bags; a folder is a ROS 2 bag, too."""
@@ -126,9 +127,7 @@ class Log(Checked):
     def of(cls, motion: Trajectory) -> Self:
         """The log of a simulated motion, such as `Run.trajectory`."""
         expect(motion, Trajectory, "motion", error=LogError)
-        tau = motion.tau
-        if motion.hold == "zero-order":  # of a sample: the mean of the torques held before and after it
-            tau = np.concatenate([tau[:1], (tau[1:] + tau[:-1]) / 2])
+        tau = _at_samples(motion.tau, motion.hold)
         return cls(t=motion.t, q=motion.q, v=motion.v, tau=tau, joint_names=motion.joint_names or None)
 
     @classmethod
@@ -159,7 +158,7 @@ class Log(Checked):
             raise LogError(
                 f"{file}: there are no torques: columns tau1, tau2, … or effort_JOINT, in an npz an array tau"
             )
-        return cls(t=found.t, q=found.q, v=found.v, tau=found.tau, name=file.name)
+        return cls(t=found.t, q=found.q, v=found.v, tau=_at_samples(found.tau, found.hold), name=file.name)
 
     @classmethod
     def _of_bag(cls, file: Path, joint_names: Sequence[str]) -> Self:
@@ -184,6 +183,11 @@ class Log(Checked):
             t=np.array([time for time, _ in rows]) - rows[0][0], q=values[:, 0], v=v, tau=values[:, 2],
             joint_names=tuple(joint_names), name=file.name,
         )  # fmt: skip
+
+
+def _at_samples(tau: Array, hold: Hold) -> Array:
+    """Torques at the samples, shape (n, nv): the mean of those held before and after each, where they are held."""
+    return tau if hold == "linear" else np.concatenate([tau[:1], (tau[1:] + tau[:-1]) / 2])
 
 
 def _joint_states(file: Path) -> Iterator[tuple[float, Any]]:

@@ -20,7 +20,8 @@ from armdyn.errors import FileError, TrajectoryError
 from armdyn.files import read_bounded
 from armdyn.reprs import brief
 from armdyn.trajectory import messages, npz
-from armdyn.trajectory.formats.csv_table import PIECE_COLUMNS
+from armdyn.trajectory.formats.csv_table import PIECE_COLUMNS, UNITS
+from armdyn.trajectory.value import Hold
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".npz", *messages.SUFFIXES)
 """Suffixes of motions' files: no robot's file has them."""
@@ -63,6 +64,7 @@ class Planned:
         v: joint velocities [rad/s or m/s], shape (n, nv).
         a: joint accelerations [rad/s² or m/s²], shape (n, nv).
         tau: joint torques [N m or N], shape (n, nv).
+        hold: torque between two samples, as of `Trajectory`.
     """
 
     t: Array
@@ -70,6 +72,7 @@ class Planned:
     v: Array | None = None
     a: Array | None = None
     tau: Array | None = None
+    hold: Hold = "linear"
 
     def accelerations(self) -> Array:
         """Accelerations [rad/s² or m/s²], shape (n, nv), by differences of velocities or positions.
@@ -107,7 +110,7 @@ def read_planned(path: str | os.PathLike[str], joint_names: Sequence[str]) -> Pl
     `time,position_elbow,…`, or the joints' own names for their positions. A unit may stand behind a name in brackets:
     `_UNITS` are converted to SI. Where names have joints in them, columns may come in any order. An npz has arrays t
     and q, and may have v, a, tau, each of shape (n,) or (n, nv), by these names or toppra's. ROS 2's JointTrajectory
-    is read as `messages.read_message` says.
+    is read as `messages.read_message` says. Torques of a table of armdyn's are held from row to row.
 
     Args:
         path: of a file .csv, .tsv or .txt; .npz; or .json, .yaml or .yml.
@@ -128,9 +131,15 @@ def read_planned(path: str | os.PathLike[str], joint_names: Sequence[str]) -> Pl
         joints = f" of {', '.join(joint_names)}" if "q" in missing else ""
         raise TrajectoryError(f"{file}: there is no {' and no '.join(missing)}{joints}; {_USAGE}")
     try:
-        return Planned(**{what: npz.bounded(array, what) for what, array in found.items()})
+        arrays = {what: npz.bounded(array, what) for what, array in found.items()}
+        return Planned(**arrays, hold="zero-order" if read is _columns and _is_own(file) else "linear")
     except TrajectoryError as error:
         raise TrajectoryError(f"{file}: {error}") from None
+
+
+def _is_own(file: Path) -> bool:
+    """Whether a table is one of `CsvTable`, by the unit of its torques: they are means until the next row."""
+    return f"[{UNITS['tau']}]".encode() in read_bounded(file, MAX_BYTES).partition(b"\n")[0]
 
 
 def joint_names_in(path: str | os.PathLike[str], ends: Sequence[str]) -> tuple[str, ...]:

@@ -45,7 +45,7 @@ def test_heads_of_tables(tmp_path, head):
 def test_named_columns_come_in_any_order_and_others_are_left_out(tmp_path):
     path = table(tmp_path, "q_elbow;why;t;q_shoulder", Q[:, 1], T, T, Q[:, 0], between=";")
     planned = read_planned(path, JOINTS)
-    assert np.array_equal(planned.q, Q) and planned.v is None
+    assert np.array_equal(planned.q, Q) and planned.v is None and planned.hold == "linear"
 
 
 def test_units_are_converted(tmp_path):
@@ -69,6 +69,7 @@ def test_a_table_of_armdyn_is_read_back(tmp_path):
     own.to_csv(tmp_path / "own.csv")
     planned = read_planned(tmp_path / "own.csv", JOINTS)
     assert np.array_equal(planned.q, Q) and planned.tau.shape == planned.a.shape == Q.shape
+    assert planned.hold == "zero-order"  # means until the next row
 
 
 @pytest.mark.parametrize(

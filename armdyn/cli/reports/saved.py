@@ -96,7 +96,7 @@ def motion_of(robot: ad.Robot, file: Path) -> Trajectory:
         motion = ad.trajectory_from_path(robot, planned.t, planned.q, planned.v, planned.a, name=file.stem)
     except TrajectoryError as error:
         raise TrajectoryError(f"{file}: {error}") from None
-    return motion if planned.tau is None else replace(motion, tau=planned.tau)
+    return motion if planned.tau is None else replace(motion, tau=planned.tau, hold=planned.hold)
 
 
 def _refuse_degrees(robot: ad.Robot, file: Path, q: Array) -> None:

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 PIECE_COLUMNS = ("piece", "event", "load [kg]")
 """Columns of motions of several pieces: names and events are text, and a load may be empty."""
 
-_UNITS = {"q": "rad or m", "v": "rad/s or m/s", "a": "rad/s^2 or m/s^2", "tau": "N m or N"}
+UNITS = {"q": "rad or m", "v": "rad/s or m/s", "a": "rad/s^2 or m/s^2", "tau": "N m or N"}
+"""Units of the columns, by quantity."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class CsvTable:
 def columns(samples: Samples) -> list[str]:
     """Head of the table: quantity, joint and unit."""
     joints = samples.joint_names or [f"joint{i + 1}" for i in range(samples.q.shape[1])]
-    numbers = ["t [s]", *(f"{what}_{joint} [{unit}]" for what, unit in _UNITS.items() for joint in joints)]
+    numbers = ["t [s]", *(f"{what}_{joint} [{unit}]" for what, unit in UNITS.items() for joint in joints)]
     return [*numbers, *PIECE_COLUMNS] if samples.pieces else numbers
 
 
@@ -57,7 +58,7 @@ def dataframe(samples: Samples) -> DataFrame:
 def _rows(samples: Samples) -> np.ndarray[Any, np.dtype[np.float64]]:
     import numpy as np
 
-    return np.column_stack([samples.t, *(getattr(samples, what) for what in _UNITS)])
+    return np.column_stack([samples.t, *(getattr(samples, what) for what in UNITS)])
 
 
 def _piece_rows(samples: Samples) -> list[tuple[str | float | None, ...]]:
