@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 TIP = "tip"
 POINT_INERTIA = 1e-12
 """Stands for zero in a point mass's tensor [kg m²]: positive definite, and without an effect on durations."""
+_POINT_SIZE = 1e-9
+"""Largest such moment over the mass [m²], for payloads of less than a gram."""
 
 _ROD_RADIUS = 0.012
 _JOINT_RADIUS = 0.019
@@ -44,8 +46,9 @@ def _pose(x: float = 0.0, z: float = 0.0, pitch: float = 0.0, roll: float = 0.0)
 
 
 def positive_tensor(payload: Payload) -> np.ndarray:
-    """A payload's inertia about its centre of mass [kg m²], shape (3, 3); zero moments become `POINT_INERTIA`."""
-    return np.asarray(payload.tensor + np.diag(np.maximum(POINT_INERTIA - np.diag(payload.tensor), 0.0)))
+    """A payload's inertia about its centre of mass [kg m²], shape (3, 3); zero moments become small ones."""
+    least = min(POINT_INERTIA, _POINT_SIZE * payload.mass)
+    return np.asarray(payload.tensor + np.diag(np.maximum(least - np.diag(payload.tensor), 0.0)))
 
 
 def urdf_from_spec(spec: ArmSpec, payload: Payload | None = None) -> str:

@@ -131,7 +131,8 @@ def _for_gap(problem: MinimumTimeProblem, certificate: Certificate) -> str:
     if not certificate.gap_proven:
         return f"the gap is not proven: {_off_goal(problem)}"
     if certificate.gap > _LITTLE:
-        return "a large gap: the bound is by velocity limits, and weak where torque limits decide"
+        free = "the bound ignores obstacles, " if problem.has_clearance else "the bound "
+        return f"a large gap: {free}is by velocity limits, and weak where torque limits decide"
     if certificate.remark == ON_CURVE:
         look = "look for a faster motion with `search` thorough or more `starts`; "
         more = look if _changes(problem, "starts") else ""

@@ -67,6 +67,15 @@ def test_payload_is_a_link_of_its_own():
     assert [float(x) for x in joint.find("origin").get("xyz").split()] == [0.01, 0.02, 0.03]
 
 
+@pytest.mark.parametrize("mass", [1e-9, 1e-6, 0.1])
+def test_a_payload_without_size_is_a_point_at_any_mass(mass):
+    link = LinkSpec(length=1e-3, com=5e-4, mass=1e-6, inertia=1e-13)
+    spec = ArmSpec(name="tiny", links=(link,))
+    model = pin.buildModelFromXML(urdf_from_spec(spec, Payload(mass=mass)))
+    about = pin.crba(model, model.createData(), np.zeros(1))[0, 0]
+    assert about == pytest.approx(1e-13 + 1e-6 * 5e-4**2 + mass * 1e-3**2, rel=2e-3, abs=0)
+
+
 @pytest.mark.parametrize("payload", [None, Payload(mass=0.0)])
 def test_no_payload_no_link(payload):
     root = ElementTree.fromstring(urdf_from_spec(ArmSpec.paper("rr"), payload))

@@ -98,6 +98,7 @@ def test_a_curve_with_a_gap_is_not_advised_to_become_extremal():
         (LANDED.bounded(1.0, 0.9), {}, "faster than the lower bound"),
         (LANDED.bounded(1.0, 1.7), {}, "weak where torque limits decide"),
         (LANDED.bounded(1.0, 1.02), {}, "a gap of 2 %"),
+        (LANDED.bounded(1.0, 1.2), {"obstacles": [ad.Sphere((1, 0, 1), 0.1)]}, "the bound ignores obstacles, is by"),
     ],
 )
 def test_why_there_is_no_small_gap(certificate, options, words):
