@@ -7,8 +7,6 @@ from dataclasses import replace
 from inspect import signature
 from pathlib import Path
 
-import numpy as np
-
 import armdyn as ad
 from armdyn.arguments import one_of, shown
 from armdyn.cli.console import NOT_USABLE, Answer, done, escape
@@ -292,6 +290,8 @@ def with_holding_torque(samples: ad.Samples, file: Path, motion: ad.Trajectory) 
         file: the motion's file, or that of a sum of which the motion is a piece; a result next to it says the arm.
         motion: the motion.
     """
+    import numpy as np
+
     from armdyn.cli.reports.saved import read_saved
     from armdyn.cli.reports.subject import SubjectSpec, subject_of
     from armdyn.models.robots.loads import is_motion_of, robots_of

@@ -20,7 +20,6 @@ from armdyn.errors import FileError, ProblemError
 from armdyn.files import csv_text, write_whole
 from armdyn.trajectory.formats import FORMATS, OutputFormat
 from armdyn.trajectory.formats.streams import Stream
-from armdyn.trajectory.samples import MOST_SAMPLES
 
 if TYPE_CHECKING:
     from armdyn.models.scene.obstacles import Obstacle
@@ -193,6 +192,8 @@ def _write(
 
 def _rate(kind: type[OutputFormat], duration: float) -> float:
     """Rows per second of a motion's file [Hz]: halved while there are too many, if no controller asks for the rate."""
+    from armdyn.trajectory.samples import MOST_SAMPLES
+
     rate = usual_rate(kind)
     while duration * rate >= MOST_SAMPLES and not issubclass(kind, Stream):
         rate /= 2
