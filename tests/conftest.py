@@ -88,9 +88,9 @@ def write_problem(tmp_path, monkeypatch):
     return put
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def chromium():
-    """A browser for the tests of a file; each page has a profile of its own."""
+    """A browser for all tests of a process; each page has a profile of its own."""
     from show.browser import launched
 
     with launched() as browser:

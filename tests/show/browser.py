@@ -50,7 +50,7 @@ def find_chromium():
 
 @contextlib.contextmanager
 def launched():
-    """Chromium without a window. To start it takes a second of a processor: the tests of a file share one."""
+    """Chromium without a window. To start it takes a second of a processor: the tests of a process share one."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
