@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from armdyn.models import PLANAR_ARMS, ArmSpec, Robot
+from armdyn.models.reading.urdf_arm import configurations
 
 LIBRARY_ROBOTS = ("panda", "ur5", "talos_arm", "double_pendulum", "z1", "kinova")
 
@@ -27,35 +28,36 @@ class PinDynamics:
     """The same methods as `armdyn.Dynamics`, from the compiled pin package's doubles."""
 
     def __init__(self, robot):
-        self.robot, self.model, self.data = robot, robot.model, robot.model.createData()
+        self.model, self.data = robot.model, robot.model.createData()
+        self.configuration = configurations(robot.model)
 
     def aba(self, q, v, tau):
-        return pin.aba(self.model, self.data, self.robot.configuration(q), v, tau).copy()
+        return pin.aba(self.model, self.data, self.configuration(q), v, tau).copy()
 
     def rnea(self, q, v, a):
-        return pin.rnea(self.model, self.data, self.robot.configuration(q), v, a).copy()
+        return pin.rnea(self.model, self.data, self.configuration(q), v, a).copy()
 
     def crba(self, q):
-        upper = np.triu(pin.crba(self.model, self.data, self.robot.configuration(q)))
+        upper = np.triu(pin.crba(self.model, self.data, self.configuration(q)))
         return upper + np.triu(upper, 1).T
 
     def nle(self, q, v):
-        return pin.nonLinearEffects(self.model, self.data, self.robot.configuration(q), v).copy()
+        return pin.nonLinearEffects(self.model, self.data, self.configuration(q), v).copy()
 
     def gravity(self, q):
-        return pin.computeGeneralizedGravity(self.model, self.data, self.robot.configuration(q)).copy()
+        return pin.computeGeneralizedGravity(self.model, self.data, self.configuration(q)).copy()
 
     def kinetic_energy(self, q, v):
         """½ vᵀ D v without the armature, from the links' spatial velocities."""
-        pin.forwardKinematics(self.model, self.data, self.robot.configuration(q), v)
+        pin.forwardKinematics(self.model, self.data, self.configuration(q), v)
         inertias, velocities = list(self.model.inertias)[1:], list(self.data.v)[1:]
         return sum(I.vtiv(nu) / 2 for I, nu in zip(inertias, velocities, strict=True))  # noqa: E741
 
     def potential_energy(self, q):
-        return pin.computePotentialEnergy(self.model, self.data, self.robot.configuration(q))
+        return pin.computePotentialEnergy(self.model, self.data, self.configuration(q))
 
     def frame_placement(self, q, frame):
-        pin.framesForwardKinematics(self.model, self.data, self.robot.configuration(q))
+        pin.framesForwardKinematics(self.model, self.data, self.configuration(q))
         names = [f.name for f in self.model.frames if f.type == pin.FrameType.BODY]
         assert frame in names
         place = self.data.oMf[self.model.getFrameId(frame, pin.FrameType.BODY)]

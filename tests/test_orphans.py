@@ -9,6 +9,8 @@ import time
 import psutil
 import pytest
 
+import armdyn as ad
+
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the kernel's doing")
 
 ARMDYN = [sys.executable, "-c", "from armdyn.cli import main; main()"]
@@ -25,15 +27,22 @@ list({together}([partial(busy, k) for k in range(2)], 2))
 """
 SEARCH = """
 import armdyn as ad
-robot = ad.Robot.from_spec(ad.ArmSpec.paper("rrr"), payload=ad.Payload(mass=0.5))
+robot = ad.Robot.from_urdf("rrr.urdf", payload=ad.Payload(mass=0.5))
 problem = ad.MinimumTimeProblem(robot, q_start=[-1.5, 0, 0], q_goal=[0.2, 0, 0])
 ad.solve_minimum_time(problem, ad.MinimumTimeOptions(method="radau3", workers=2))
 """
 ENDINGS = pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM], ids=["SIGKILL", "SIGTERM"])
 
 
-def owner_of(command):
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+def owner_of(command, folder=None):
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder)
+
+
+@pytest.fixture
+def rrr(tmp_path):
+    """A folder with rrr.urdf, written here: a process that writes it takes another half a second to start."""
+    (tmp_path / "rrr.urdf").write_text(ad.urdf_from_spec(ad.ArmSpec.paper("rrr")))
+    return tmp_path
 
 
 def workers_of(owner, count=2, cpu=0.0, deadline=120.0):
@@ -72,9 +81,9 @@ def test_within_one_long_call(how, room, together):
 
 @pytest.mark.slow
 @ENDINGS
-def test_in_the_middle_of_a_search(how):
+def test_in_the_middle_of_a_search(how, rrr):
     """Of Radau's collocation, which IPOPT solves in processes: the stagewise method has threads."""
-    owner = owner_of([sys.executable, "-c", SEARCH])
+    owner = owner_of([sys.executable, "-c", SEARCH], rrr)
     assert_nothing_is_left(owner, workers_of(owner, min(os.cpu_count(), 2), 0.2), how)
 
 
@@ -100,7 +109,7 @@ UR5 = {
     "poses": "[0, -1, 1, -1, -1.5, 0], [1, -1.2, 1, -1, -1.5, 0]",
     "more": "acceleration_limit=1000.0",  # more than torques allow: without, or with less, no machine code is needed
 }
-RRR = {"robot": "ad.Robot.from_spec(ad.ArmSpec.paper('rrr'))", "poses": "[-1.5, 0, 0], [0.2, 0, 0]", "more": ""}
+RRR = {"robot": "ad.Robot.from_urdf('rrr.urdf')", "poses": "[-1.5, 0, 0], [0.2, 0, 0]", "more": ""}
 
 
 def compiling(folder, robot, then=""):
@@ -111,7 +120,7 @@ def compiling(folder, robot, then=""):
     (folder / "cache").mkdir(mode=0o700)
     own = os.environ | {"CC": str(compiler), "ARMDYN_CACHE": str(folder / "cache")}
     command = [sys.executable, "-c", SOLVE.format(**robot, then=then)]
-    owner = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=own)
+    owner = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=own, cwd=folder)
     until = time.monotonic() + 60
     while not child.exists():
         assert time.monotonic() < until and owner.poll() is None
@@ -141,9 +150,9 @@ def assert_all_end(pids, folder, deadline=5.0):
 @pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
 @pytest.mark.parametrize("robot", [UR5, RRR], ids=["in the background", "awaited"])
-def test_a_compiler_ends_with_its_owner(robot, how, tmp_path):
-    owner, pids = compiling(tmp_path, robot, then="input()" if how is signal.SIGKILL else "")
+def test_a_compiler_ends_with_its_owner(robot, how, rrr):
+    owner, pids = compiling(rrr, robot, then="input()" if how is signal.SIGKILL else "")
     owner.send_signal(how)
-    assert_all_end(pids, tmp_path)
+    assert_all_end(pids, rrr)
     owner.kill()
     owner.communicate()
