@@ -133,15 +133,17 @@ def _of_cycle(facts: Facts) -> Verdict:
 
 def _cycle_tiles(facts: Facts, duration: float) -> list[Tile]:
     """The headline numbers of a cycle of steps, besides its duration."""
-    steps, tiles = facts.parts("steps"), [Tile("an hour", f"{3600 / duration:.0f} cycles")]
-    if (dwell := facts.number("dwell")) and duration > 0:
-        tiles.append(Tile("at rest", seconds(dwell), f"{100 * dwell / duration:.0f} % of the cycle"))
+    steps, again = facts.parts("steps"), facts.values.get("closed") is not False
+    tiles = [Tile("an hour", f"{3600 / duration:.0f} cycles")] if again else []
+    rests = dwell / duration if (dwell := facts.number("dwell")) and duration > 0 else 0.0
+    if dwell and rests:
+        tiles.append(Tile("at rest", seconds(dwell), f"{100 * rests:.0f} % of the cycle"))
     if (gap := facts.number("gap")) is not None:
         tiles.append(Tile("above the lower bound", f"≤ {percent(max(gap, 0.0))}", "proven, all branches"))
     longest = max(steps, key=lambda one: one.number("duration") or 0.0)
     tiles.append(Tile("longest step", seconds(longest.number("duration")), longest.text("name")))
-    tiles += _deciding(facts)
-    return tiles
+    most = max((one.number("part") or 0.0 for one in facts.parts("decides")), default=0.0)
+    return tiles + ([Tile("decided most by", f"{100 * rests:.3g} %", "rests")] if rests > most else _deciding(facts))
 
 
 def _deciding(facts: Facts) -> list[Tile]:

@@ -1,5 +1,7 @@
 """A cycle's page: steps under the slider and in a table, parts where they are."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -85,6 +87,11 @@ def test_the_page_has_tiles_table_and_verdict():
     assert {"an hour": "4000 cycles", "longest step": "0.4000 s"}.items() <= {
         t.label: t.value for t in report.tiles
     }.items()
+    decides = [{"joint": "joint1", "limit": "velocity limit", "part": 0.2}]
+    more = move.facts.values | {"closed": False, "decides": decides}  # of 0.9 s 0.2 s are a rest
+    tiles = report_of(Subject.of(robot), [replace(move, facts=Facts(more))], "cell").tiles
+    assert [(t.value, t.note) for t in tiles if t.label == "decided most by"] == [("22.2 %", "rests")]
+    assert "an hour" not in {t.label for t in tiles}
     section = steps_section(move.facts)
     assert "10 % more of it saves 5 ms" in section.body and EVIL not in report_html(report)
     assert steps_section(Facts()) is None
