@@ -20,14 +20,13 @@ def modules_of(package):
 
 def imports_of(name, modules):
     """Names that a module imports anywhere, and its texts, which may name modules; docstrings and types excepted."""
-    tree = ast.parse(modules[name].read_text())
-    skipped = set()
-    for node in ast.walk(tree):
+    nodes, skipped = list(ast.walk(ast.parse(modules[name].read_text()))), set()
+    for node in nodes:
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
             skipped.update(id(inner) for one in node.body for inner in ast.walk(one))
         elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             skipped.add(id(node.value))
-    for node in ast.walk(tree):
+    for node in nodes:
         if id(node) in skipped:
             continue
         if isinstance(node, ast.Import):
@@ -38,7 +37,7 @@ def imports_of(name, modules):
             yield from (each if each in modules else node.module for each in names)
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and "." in node.value:
             yield node.value
-        elif isinstance(node, ast.Call) and ast.unparse(node.func) == "facade":
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "facade":
             stub = ast.parse(modules[name].with_suffix(".pyi").read_text())
             yield from (line.module for line in stub.body if isinstance(line, ast.ImportFrom))
 
