@@ -20,6 +20,9 @@ Index = Literal["settled", "itae", "ise"]
 """
 INDICES: tuple[Index, ...] = ("settled", "itae", "ise")
 
+_BEYOND = 9.0
+"""Additional cost where all arms exceed a limit, as a multiple of the index: a ramp within the limits takes less than
+ten times as long."""
 _LAST = 0.1
 """Part of the time at whose end a run that has not settled is judged."""
 
@@ -45,15 +48,16 @@ class Performance:
     beyond_limits: int = 0
 
     def cost(self, most: float) -> float:
-        """Cost that the search minimises: the index, more beyond an overshoot.
+        """Cost that the search minimises: the index, more beyond an overshoot and for arms beyond their limits.
 
-        It is in proportion, so that it means the same to each index, and grows without a jump, so that the search
-        finds its way back.
+        It is in proportion, so that it means the same to each index, and grows with the overshoot without a jump, so
+        that the search finds its way back.
 
         Args:
             most: overshoot that costs nothing [-].
         """
-        return self.index * (1 + max(self.overshoot / most - 1, 0.0))
+        beyond = 1 + _BEYOND * self.beyond_limits / self.count
+        return self.index * (1 + max(self.overshoot / most - 1, 0.0)) * beyond
 
     def __str__(self) -> str:
         """The performance in words."""

@@ -111,8 +111,9 @@ def tune(
     """Choose a family's parameters that are best for the worst of some arms, in the actual loop.
 
     Differential evolution (Storn and Price, Journal of Global Optimization 11, 1997) over the logarithms of the
-    parameters, as scipy has it. A controller that overshoots by more than allowed is returned only where the search
-    has found no other. With `options.file` the same search continues where it was stopped or killed.
+    parameters, as scipy has it. A controller with which an arm exceeds its velocity or position limits, or that
+    overshoots by more than allowed, is returned only where the search has found no other. With `options.file` the same
+    search continues where it was stopped or killed.
 
     Args:
         robot: the controller's model of the arm.
@@ -270,9 +271,9 @@ class GainSearch(OwnTask):
         )  # fmt: skip
 
 
-def _rank(found: Performance, most: float) -> tuple[bool, float]:
-    """The less, the better: controllers within the overshoot first."""
-    return found.overshoot > most, found.cost(most)
+def _rank(found: Performance, most: float) -> tuple[bool, bool, float]:
+    """The less, the better: controllers within the arms' limits first, then those within the overshoot."""
+    return found.beyond_limits > 0, found.overshoot > most, found.cost(most)
 
 
 _ENDS: dict[TuningStatus, str] = {

@@ -59,6 +59,7 @@ def test_overshoot_costs_in_proportion():
     inside = Performance(0.5, 6, 6, 0.5, 0.05)
     assert inside.cost(0.05) == 0.5
     assert replace(inside, overshoot=0.10).cost(0.05) == pytest.approx(1.0)
+    assert replace(inside, beyond_limits=6).cost(0.05) == pytest.approx(10 * inside.cost(0.05))
 
 
 def test_worth_is_of_the_worst_arm():

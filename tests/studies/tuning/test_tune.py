@@ -37,6 +37,16 @@ def test_the_search_is_as_good_as_a_grid():
 
 
 @pytest.mark.slow
+def test_a_ramp_within_the_velocity_limits_is_preferred():
+    """To shorter ones, with which the arm settles sooner."""
+    slow = ROBOT.with_limits(None, 15 / 8 * np.abs(np.subtract(*POSES["r"])).max() / 0.4)
+    ramps, quick = ad.Ramps(*POSES["r"], (0.1, 0.8)), ad.TuneOptions(duration=1.2, generations=2, members=8)
+    found = ad.tune(slow, ramps, STIFFNESS, [slow], options=quick)
+    assert found.training.beyond_limits == 0 and found.training.settled == 1
+    assert found.reference.duration > 0.4 / 1.01
+
+
+@pytest.mark.slow
 def test_the_same_with_any_number_of_threads():
     family, ramps = ad.ControllerFamily.pid(ROBOT, POSES["r"][1]), ad.Ramps(*POSES["r"], (0.15, 0.5))
     answers = [
