@@ -14,7 +14,8 @@ from armdyn.optimal.proof.pontryagin import adjoint_error, pontryagin
 from armdyn.optimal.proof.repeat import repeated
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.switching.costates import phases_of
-from armdyn.optimal.switching.extremal.descent import Extremal, finer, in_one_piece
+from armdyn.optimal.switching.extremal.descent import finer, in_one_piece
+from armdyn.optimal.switching.extremal.quadratic_model import LinearRollout
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -62,7 +63,7 @@ def with_adjoint_check(task: Task, optimum: Optimum) -> Optimum:
     return replace(optimum, certificate=replace(optimum.certificate, adjoint_error=error))
 
 
-def land_extremal(task: Task, extremal: Extremal, intervals: int, budget: Budget) -> Optimum:
+def land_extremal(task: Task, extremal: LinearRollout, intervals: int, budget: Budget) -> Optimum:
     """Offset an extremal's goal until the replay of its sampled torques reaches the original goal; certify the replay.
 
     Args:

@@ -20,7 +20,7 @@ from armdyn.optimal.refine.switch_mesh import at_switches
 from armdyn.optimal.search.candidates import at_speed
 from armdyn.optimal.solve.direct import Attempt
 from armdyn.optimal.switching.costates import phases_of
-from armdyn.optimal.switching.extremal.descent import Extremal
+from armdyn.optimal.switching.extremal.quadratic_model import LinearRollout
 from armdyn.optimal.switching.extremal.rollout import ShootingProblem
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.from_arcs import structures_of
@@ -173,7 +173,7 @@ class _Resolved:
         return best is not None and leaves_idle(best, SWITCHING_TOLERANCE)
 
     @property
-    def extremals(self) -> tuple[Extremal, ...]:
+    def extremals(self) -> tuple[LinearRollout, ...]:
         """Motions within their limits, extremals first, each by duration; empty: nothing lands, or a joint is idle."""
         found = tuple(one.extremal for _, one in self.attempts if one.extremal is not None)
         return () if found and leaves_idle(found[0], SWITCHING_TOLERANCE) else found

@@ -8,7 +8,7 @@ from armdyn.arrays import Array, Index
 from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, TOWARDS, VELOCITY, Mode, outward, runs_of
 from armdyn.optimal.switching.costates import NODES, SampledExtremal
 from armdyn.optimal.switching.extremal.change import Carrier, Change, Segment
-from armdyn.optimal.switching.extremal.descent import Extremal
+from armdyn.optimal.switching.extremal.quadratic_model import LinearRollout
 from armdyn.optimal.switching.extremal.state_limits import edited
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.signs import WrongSign, worst_interval
@@ -16,7 +16,7 @@ from armdyn.optimal.switching.velocity_contacts import kept_at_speed, left_at_sp
 from armdyn.optimal.task.policy.switching import ContactPolicy
 
 
-def with_contacts(extremal: Extremal, is_extremal: bool = True) -> list[SwitchingStructure]:
+def with_contacts(extremal: LinearRollout, is_extremal: bool = True) -> list[SwitchingStructure]:
     """Structures without the infeasible or suboptimal parts of a contact, likeliest first.
 
     Where a contact needs more torque than the joint has, the joint's torque is saturated: on a velocity limit another
@@ -79,7 +79,7 @@ class Contact:
     numbers: ContactPolicy
 
     @classmethod
-    def of(cls, extremal: Extremal, whole: SampledExtremal, segment: Segment) -> "Contact | None":
+    def of(cls, extremal: LinearRollout, whole: SampledExtremal, segment: Segment) -> "Contact | None":
         """Contact of a segment; None: the segment has no length."""
         structure, limits = extremal.structure, extremal.shooting.problem.limits
         change = structure.changes[segment.begin]
@@ -150,7 +150,7 @@ class Contact:
 
 
 def _let_go(
-    extremal: Extremal, segment: Segment, part: tuple[float, float], steps: list[tuple[float, Mode]]
+    extremal: LinearRollout, segment: Segment, part: tuple[float, float], steps: list[tuple[float, Mode]]
 ) -> SwitchingStructure:
     """Structure with a part of a contact released.
 
@@ -179,7 +179,7 @@ def _let_go(
 
 
 def with_carried_touches(
-    extremal: Extremal, wrong: list[WrongSign], refused: set[object]
+    extremal: LinearRollout, wrong: list[WrongSign], refused: set[object]
 ) -> tuple[SwitchingStructure, tuple[int, int]] | None:
     """The structure with touches merged into a contact, maintained by a joint with a wrong torque limit around them.
 
@@ -202,7 +202,7 @@ def with_carried_touches(
 
 
 def _carried_touches(
-    extremal: Extremal, wrong: list[WrongSign], refused: set[object]
+    extremal: LinearRollout, wrong: list[WrongSign], refused: set[object]
 ) -> tuple[SwitchingStructure, tuple[int, int]] | None:
     """Contacts of stretches of one joint."""
     structure, j = extremal.structure, wrong[0].joint
@@ -231,7 +231,7 @@ def _carried_touches(
 
 
 def _held(
-    extremal: Extremal, touch: Change, ends: tuple[float, float], carrier: int, press: Mode
+    extremal: LinearRollout, touch: Change, ends: tuple[float, float], carrier: int, press: Mode
 ) -> SwitchingStructure:
     """The structure with a contact in place of touches.
 

@@ -9,8 +9,8 @@ from armdyn.arrays import Array, Flags, Index
 from armdyn.dynamics.numeric import inverse_dynamics, joint_inertia
 from armdyn.optimal.arcs.arc import POSITION, VELOCITY
 from armdyn.optimal.arcs.phases import TABLEAU, Phases, motion_of
-from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.flow import STEPS
+from armdyn.optimal.switching.extremal.quadratic_model import LinearRollout
 from armdyn.optimal.switching.extremal.rollout import Rollout
 from armdyn.optimal.task.tableau import differentiation
 
@@ -20,7 +20,7 @@ NODES = np.append(0.0, TABLEAU.c)
 _DIFFERENTIATION = differentiation(NODES)
 
 
-def phases_of(extremal: Extremal) -> Phases:
+def phases_of(extremal: LinearRollout) -> Phases:
     """Arcs of an extremal with its costates, for certificates and sensitivities.
 
     Args:
@@ -85,7 +85,7 @@ class SampledExtremal:
     velocity: Flags
 
     @classmethod
-    def of(cls, extremal: Extremal) -> Self:
+    def of(cls, extremal: LinearRollout) -> Self:
         """Sample an extremal."""
         rollout, robot, carriers = extremal.rollout, extremal.shooting.problem.robot, extremal.structure.carriers()
         (t, step, part), n = _grid(rollout), robot.nv

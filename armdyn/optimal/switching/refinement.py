@@ -8,9 +8,9 @@ import numpy as np
 from armdyn.optimal.problem.status import Budget
 from armdyn.optimal.solve.registry import in_time
 from armdyn.optimal.switching.contacts import with_carried_touches, with_contacts
-from armdyn.optimal.switching.extremal.descent import Extremal, NoExtremal, fastest
+from armdyn.optimal.switching.extremal.descent import fastest
 from armdyn.optimal.switching.extremal.flow import Flow, flow_of
-from armdyn.optimal.switching.extremal.quadratic_model import LinearizedRollout
+from armdyn.optimal.switching.extremal.quadratic_model import LinearRollout
 from armdyn.optimal.switching.extremal.rollout import ShootingProblem
 from armdyn.optimal.switching.extremal.state_limits import with_limits, within_limits
 from armdyn.optimal.switching.extremal.structure import StructureKey, SwitchingStructure
@@ -39,12 +39,12 @@ class RefinedExtremal:
         reached: the structure when the refinement was stopped; None: it finished, or other structures were next.
     """
 
-    extremal: Extremal | None
+    extremal: LinearRollout | None
     wrong: float
     why: str
     reached: SwitchingStructure | None = None
 
-    def or_else(self, linear: LinearizedRollout | None, why: str) -> Self:
+    def or_else(self, linear: LinearRollout | None, why: str) -> Self:
         """This result if it has an extremal; else the fastest motion that reaches the goal within its limits.
 
         Args:
@@ -53,9 +53,9 @@ class RefinedExtremal:
         """
         if np.isfinite(self.wrong) or linear is None or not within_limits(linear.rollout):
             return self if self.extremal else replace(self, why=why)
-        if self.extremal is not None and self.extremal.structure.duration <= linear.rollout.structure.duration:
+        if self.extremal is not None and self.extremal.structure.duration <= linear.structure.duration:
             return self
-        return replace(self, extremal=Extremal(linear), why=why)
+        return replace(self, extremal=linear, why=why)
 
 
 def shooting_problem(task: Task, motion: Trajectory) -> ShootingProblem:
@@ -85,20 +85,18 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure) ->
     for _ in range(numbers.rounds):
         while structure.size + 1 > shooting.most_arcs and (more := shooting.finer()) is not None:
             shooting = more
-        found, given_up = _refined_once(shooting, structure, bool(others.left))
-        enough = numbers.drift if isinstance(found, Extremal) else numbers.drift_unsolved
-        drifts = found.linear is not None and found.linear.drift > enough and not budget
-        finer = shooting.finer(found.linear.rollout) if found.linear is not None and drifts else None
-        if found.linear is not None and finer is not None:
-            shooting, structure = finer, found.linear.rollout.structure
+        found, why, given_up = _refined_once(shooting, structure, bool(others.left))
+        enough = numbers.drift_unsolved if why else numbers.drift
+        drifts = found is not None and found.drift > enough and not budget
+        finer = shooting.finer(found.rollout) if found is not None and drifts else None
+        if found is not None and finer is not None:
+            shooting, structure = finer, found.structure
             continue
-        if isinstance(found, NoExtremal):
-            others.add(
-                with_contacts(Extremal(found.linear), is_extremal=False) if found.linear and not given_up else []
-            )
+        if found is None or why:
+            others.add(with_contacts(found, is_extremal=False) if found and not given_up else [])
             if not others.left or budget:
-                reached = found.linear.rollout.structure if found.linear and not others.left and budget else None
-                return replace(best.or_else(found.linear, found.why), reached=reached)
+                reached = found.structure if found and not others.left and budget else None
+                return replace(best.or_else(found, why), reached=reached)
             structure = others.next()
             continue
         limited = with_limits(found.rollout) or without_wrong_touches(found)
@@ -106,7 +104,7 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure) ->
         wrong = [] if limited else wrong_signs(found, numbers.least)
         carried = with_carried_touches(found, wrong, others.refused)
         if contacts:
-            best = best.or_else(found.linear, "the position limits did not converge")
+            best = best.or_else(found, "the position limits did not converge")
             others.add(contacts, carried[1] if carried else None)
             structure = carried[0] if carried else others.next()
             continue
@@ -135,15 +133,15 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure) ->
 
 def _refined_once(
     shooting: ShootingProblem, structure: SwitchingStructure, waiting: bool
-) -> tuple[Extremal | NoExtremal, bool]:
-    """The extremal of a structure, within a part of the budget while others wait; whether it was abandoned."""
+) -> tuple[LinearRollout | None, str, bool]:
+    """Motion and reason of `fastest`, within a part of the budget while others wait; whether it was abandoned."""
     budget, granted = shooting.budget, shooting.budget.left * shooting.policy.switching.trial
     if not waiting or granted == np.inf:
-        return fastest(shooting, structure), bool(budget)
+        return *fastest(shooting, structure), bool(budget)
     trial = Budget(budget, granted)
-    found = fastest(replace(shooting, budget=trial), structure)
+    found, why = fastest(replace(shooting, budget=trial), structure)
     budget.spend(granted - trial.left)
-    return found, bool(trial)
+    return found, why, bool(trial)
 
 
 class _Others:
@@ -171,7 +169,7 @@ class _Others:
         self.refused.add(reason)
         return structure
 
-    def of_contacts(self, found: Extremal) -> list[SwitchingStructure]:
+    def of_contacts(self, found: LinearRollout) -> list[SwitchingStructure]:
         """Structures with corrected contacts; empty if the structure is known and no faster than before."""
         key, duration = found.structure.key, found.structure.duration
         known = self._seen.get(key, np.inf)
@@ -179,7 +177,7 @@ class _Others:
         left = duration > (1 - found.shooting.policy.switching.shorter) * known
         return [] if left else with_contacts(found)
 
-    def singular_of(self, found: Extremal, wrong: list[WrongSign]) -> tuple[SwitchingStructure, object] | None:
+    def singular_of(self, found: LinearRollout, wrong: list[WrongSign]) -> tuple[SwitchingStructure, object] | None:
         """A structure with a singular arc in place of wrong signs, and its joint; None: no such structure is left.
 
         Args:
@@ -191,7 +189,7 @@ class _Others:
         return None if smooth is None else (smooth, left[0].joint)
 
 
-def leaves_idle(extremal: Extremal, tolerance: float) -> bool:
+def leaves_idle(extremal: LinearRollout, tolerance: float) -> bool:
     """Whether minimum time leaves some joint's motion undetermined for more than half of the duration.
 
     Such a joint should rather move smoothly than bang-bang.

@@ -11,7 +11,7 @@ import numpy as np
 from armdyn.arrays import Array
 from armdyn.optimal.arcs.arc import OPPOSITE, VELOCITY, Mode, bang_signs, outward, runs_of
 from armdyn.optimal.switching.extremal.change import Change, Segment, SingularControl
-from armdyn.optimal.switching.extremal.descent import Extremal
+from armdyn.optimal.switching.extremal.quadratic_model import LinearRollout
 from armdyn.optimal.switching.extremal.rollout import ShootingProblem
 from armdyn.optimal.switching.extremal.state_limits import edited
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
@@ -40,7 +40,7 @@ class WrongSign:
     carried: bool = False
 
 
-def wrong_signs(extremal: Extremal, least: float) -> list[WrongSign]:
+def wrong_signs(extremal: LinearRollout, least: float) -> list[WrongSign]:
     """Stretches on which the switching function has the sign of the other limit, worst first.
 
     Args:
@@ -84,7 +84,7 @@ def _torque_modes(structure: SwitchingStructure) -> list[list[Mode]]:
 
 
 def with_signs(
-    extremal: Extremal, wrong: list[WrongSign], structure: SwitchingStructure | None = None
+    extremal: LinearRollout, wrong: list[WrongSign], structure: SwitchingStructure | None = None
 ) -> SwitchingStructure:
     """Structure with a short bang arc on the other limit where the switching function has the wrong sign.
 
@@ -106,7 +106,7 @@ def with_signs(
     return edited(extremal.rollout, structure or extremal.structure, [], more)
 
 
-def without_wrong_touches(extremal: Extremal) -> SwitchingStructure | None:
+def without_wrong_touches(extremal: LinearRollout) -> SwitchingStructure | None:
     """Structure without touches whose multiplier has the wrong sign; None if all are right.
 
     A velocity limit that is active for zero time counts as a touch.
@@ -127,7 +127,7 @@ def without_wrong_touches(extremal: Extremal) -> SwitchingStructure | None:
     return structure.without_changes(gone) if gone else None
 
 
-def with_singular(extremal: Extremal, wrong: list[WrongSign]) -> SwitchingStructure | None:
+def with_singular(extremal: LinearRollout, wrong: list[WrongSign]) -> SwitchingStructure | None:
     """Structure with a singular arc where the worst joint's switching function stays near zero; None: nowhere.
 
     Args:
@@ -151,7 +151,7 @@ def with_singular(extremal: Extremal, wrong: list[WrongSign]) -> SwitchingStruct
     return edited(extremal.rollout, structure, inside, more)
 
 
-def with_longer_control(extremal: Extremal, least: float) -> SwitchingStructure | None:
+def with_longer_control(extremal: LinearRollout, least: float) -> SwitchingStructure | None:
     """Structure with further coefficients where singular arcs' switching functions are not zero; None: not needed.
 
     Args:
@@ -167,7 +167,7 @@ def with_longer_control(extremal: Extremal, least: float) -> SwitchingStructure 
     return replace(structure, changes=tuple(changes)) if tuple(changes) != structure.changes else None
 
 
-def with_bang_arcs(extremal: Extremal, least: float) -> SwitchingStructure | None:
+def with_bang_arcs(extremal: LinearRollout, least: float) -> SwitchingStructure | None:
     """The structure with bang arcs where free torques stay on their limits; None without such torques.
 
     Args:
@@ -183,7 +183,7 @@ def with_bang_arcs(extremal: Extremal, least: float) -> SwitchingStructure | Non
     return None if now is structure else now.without(())
 
 
-def _on_limits(extremal: Extremal, k: int, least: float) -> list[tuple[float, float, Mode]]:
+def _on_limits(extremal: LinearRollout, k: int, least: float) -> list[tuple[float, float, Mode]]:
     """Stretches on which a free torque should stay on a limit it has reached: start, end [s], and the limit.
 
     Args:
@@ -204,7 +204,7 @@ def _on_limits(extremal: Extremal, k: int, least: float) -> list[tuple[float, fl
     return sorted(out)
 
 
-def _pieces(extremal: Extremal, k: int, bang_arcs: list[tuple[float, float, Mode]]) -> list[tuple[float, Change]]:
+def _pieces(extremal: LinearRollout, k: int, bang_arcs: list[tuple[float, float, Mode]]) -> list[tuple[float, Change]]:
     """A segment of a free torque split into bang arcs and singular controls, with their times."""
     structure, joint = extremal.structure, extremal.structure.changes[k].joint
     numbers = extremal.shooting.policy.singular
@@ -222,7 +222,7 @@ def _pieces(extremal: Extremal, k: int, bang_arcs: list[tuple[float, float, Mode
     return out
 
 
-def _free_torque(extremal: Extremal, k: int) -> tuple[Array, Array, Array]:
+def _free_torque(extremal: LinearRollout, k: int) -> tuple[Array, Array, Array]:
     """Times [s], switching functions and torques of the free torque that starts at a change.
 
     At the starts and ends of its steps in turn, each of shape (2 steps,).
@@ -236,7 +236,7 @@ def _free_torque(extremal: Extremal, k: int) -> tuple[Array, Array, Array]:
     return t, s, u
 
 
-def idle_fall(extremal: Extremal, k: int) -> float:
+def idle_fall(extremal: LinearRollout, k: int) -> float:
     """Largest decrease of H if the free torque that starts at a change moved to a limit."""
     joint, limits = extremal.structure.changes[k].joint, extremal.shooting.problem.limits.actuators
     _, switching, tau = _free_torque(extremal, k)
@@ -253,7 +253,7 @@ def jumping_within(structure: SwitchingStructure, joint: int, begin: float, end:
     )
 
 
-def _control(extremal: Extremal, joint: int, ends: tuple[float, float], few: int) -> SingularControl:
+def _control(extremal: LinearRollout, joint: int, ends: tuple[float, float], few: int) -> SingularControl:
     """Least-squares polynomial of a joint's torque between two times [s].
 
     Args:

@@ -7,7 +7,7 @@ import numpy as np
 
 from armdyn.optimal.arcs.arc import BANG, VELOCITY, Arc, Mode, runs_of
 from armdyn.optimal.switching.extremal.change import Change, Segment
-from armdyn.optimal.switching.extremal.descent import Extremal
+from armdyn.optimal.switching.extremal.quadratic_model import LinearRollout
 from armdyn.optimal.switching.extremal.rollout import ShootingProblem
 from armdyn.optimal.switching.extremal.state_limits import edited
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
@@ -15,7 +15,7 @@ from armdyn.trajectory import Trajectory
 
 
 def kept_at_speed(
-    extremal: Extremal, segment: Segment, part: tuple[float, float], press: Mode
+    extremal: LinearRollout, segment: Segment, part: tuple[float, float], press: Mode
 ) -> SwitchingStructure | None:
     """Structure in which another joint's torque keeps a joint at its velocity limit while its own torque is saturated.
 
@@ -69,7 +69,7 @@ def kept_at_speed(
 
 
 def left_at_speed(
-    extremal: Extremal, structure: SwitchingStructure, segment: Segment, part: tuple[float, float] | None = None
+    extremal: LinearRollout, structure: SwitchingStructure, segment: Segment, part: tuple[float, float] | None = None
 ) -> SwitchingStructure | None:
     """Structure in which a joint leaves its velocity limit, where another joint's torque maintains it.
 

@@ -6,7 +6,7 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.arcs.arc import POSITION, Mode
 from armdyn.optimal.switching.contacts import with_contacts
-from armdyn.optimal.switching.extremal.descent import Extremal, fastest
+from armdyn.optimal.switching.extremal.descent import fastest
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.refinement import shooting_problem
 from armdyn.optimal.task.options import MinimumTimeOptions
@@ -54,8 +54,8 @@ def test_a_contact_that_is_pushed_all_along_stays():
     problem = random_problem(53)
     solution = ad.solve_minimum_time(problem)
     shooting = shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), solution.trajectory)
-    found = fastest(shooting, SwitchingStructure.of(solution.phases.arcs, solution.phases.torques))
-    assert isinstance(found, Extremal)
+    found, why = fastest(shooting, SwitchingStructure.of(solution.phases.arcs, solution.phases.torques))
+    assert not why
     assert any(mode in POSITION for modes in found.structure.modes() for mode in modes)
     assert not with_contacts(found)
     assert found.structure.duration == pytest.approx(solution.duration, rel=1e-8)
@@ -65,8 +65,8 @@ def test_arcs_without_contacts_have_none_to_mend():
     problem = paper_problem("rr", 0.1006)
     solution = ad.solve_minimum_time(problem)
     shooting = shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), solution.trajectory)
-    found = fastest(shooting, SwitchingStructure.of(solution.phases.arcs, solution.phases.torques))
-    assert isinstance(found, Extremal)
+    found, why = fastest(shooting, SwitchingStructure.of(solution.phases.arcs, solution.phases.torques))
+    assert not why
     assert not with_contacts(found)
 
 

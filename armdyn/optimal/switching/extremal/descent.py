@@ -7,15 +7,14 @@ motion to the next. Changes of different joints pass each other freely: torques 
 nothing jumps when changes pass.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from armdyn.arrays import Array, Flags
-from armdyn.locks import cached_property
 from armdyn.optimal.arcs.arc import VELOCITY
 from armdyn.optimal.problem.status import Budget
-from armdyn.optimal.switching.extremal.quadratic_model import LinearizedRollout, lengths_of
+from armdyn.optimal.switching.extremal.quadratic_model import LinearRollout, lengths_of
 from armdyn.optimal.switching.extremal.rollout import Rollout, ShootingProblem
 from armdyn.optimal.switching.extremal.state_limits import beyond_position, excess, with_limits, within_limits
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
@@ -34,7 +33,7 @@ def landed(
     joined: Flags | None = None,
     in_one: bool = False,
     tied: bool = False,
-) -> LinearizedRollout | None:
+) -> LinearRollout | None:
     """Nearest motion that reaches the goal and satisfies its active state limits; None if none is near.
 
     Args:
@@ -53,7 +52,7 @@ def landed(
         rollout = Rollout.of(shooting, structure, joined)
         if not rollout.finite:
             return None
-        linear, structure = LinearizedRollout.of(rollout), rollout.structure
+        linear, structure = LinearRollout.of(rollout), rollout.structure
         if not np.all(np.isfinite(linear.jacobian)):  # a chain of many arcs may overflow even if no arc does
             return None
         if linear.infeasible <= numbers.closed:
@@ -70,14 +69,14 @@ def landed(
     return None
 
 
-def _correction(linear: LinearizedRollout, tied: bool) -> tuple[Array, float]:
+def _correction(linear: LinearRollout, tied: bool) -> tuple[Array, float]:
     """First-order correction of gaps and misses, and the fraction of it that keeps every segment's length positive.
 
     The least change, of the times as parts of the duration and of the states: an unstable arm amplifies a time a
     millionfold, and a least change of the times alone would be erratic.
     """
-    structure, planes, now = linear.rollout.structure, linear.planes, linear.planes.now
-    numbers = linear.rollout.shooting.policy.descent
+    structure, planes, now = linear.structure, linear.planes, linear.planes.now
+    numbers = linear.shooting.policy.descent
     unit, width = linear.rollout.unit, structure.width
     changes = np.vstack(
         [np.eye(width) / structure.duration, numbers.states * (linear.reach[:-1] / unit[:, None]).reshape(-1, width)]
@@ -91,7 +90,7 @@ def _correction(linear: LinearizedRollout, tied: bool) -> tuple[Array, float]:
         held += [first + int(k) for k in np.flatnonzero(np.abs(now[first:]) <= _TIED * structure.duration)]
         least[held] = 0.0
     while True:
-        linear.rollout.shooting.budget.spend(numbers.cubic * width**3)
+        linear.shooting.budget.spend(numbers.cubic * width**3)
         equations = np.vstack([linear.jacobian, planes.rows[held]])
         by = _least_change(equations, np.concatenate([-linear.residual, (least - now)[held]]), changes, moved)
         after = now + planes.rows @ by
@@ -114,7 +113,7 @@ def _least_change(equations: Array, right: Array, changes: Array, moved: Array) 
     return np.asarray(some - np.linalg.lstsq(changes @ free.T, changes @ some + moved, rcond=_RANK)[0] @ free)
 
 
-def moved_by(linear: LinearizedRollout, by: Array, part: float) -> tuple[SwitchingStructure, Flags]:
+def moved_by(linear: LinearRollout, by: Array, part: float) -> tuple[SwitchingStructure, Flags]:
     """Structure with shifted times and matching states, and the changes whose order has changed.
 
     Args:
@@ -122,7 +121,7 @@ def moved_by(linear: LinearizedRollout, by: Array, part: float) -> tuple[Switchi
         by: step of the unknowns.
         part: part of the gaps to close.
     """
-    structure = linear.rollout.structure
+    structure = linear.structure
     states = structure.states + (linear.reach[:-1] @ by + part * linear.gap[:-1])
     by, m = by.copy(), structure.size
     times = np.clip(structure.times + by[:m], 0.0, structure.duration + by[m])
@@ -133,88 +132,37 @@ def moved_by(linear: LinearizedRollout, by: Array, part: float) -> tuple[Switchi
     return structure.moved(by, states), order != np.arange(structure.size)
 
 
-@dataclass(frozen=True, eq=False)
-class Extremal:
-    """Stationary motion: no small change of its switching times shortens it.
-
-    Attributes:
-        linear: the rollout with its derivatives in the times.
-    """
-
-    linear: LinearizedRollout
-
-    @property
-    def costates(self) -> tuple[Array, Array]:
-        """Costates at the starts and ends of the steps, each of shape (steps, 2 nv)."""
-        return self.linear.costates
-
-    @property
-    def multipliers(self) -> Array:
-        """Multipliers of the equations."""
-        return self.linear.multipliers
-
-    @cached_property
-    def switching(self) -> Array:
-        """The switching functions at the starts and ends of the steps, shape (2 steps, nv)."""
-        return self.rollout.switching(self.costates)
-
-    @property
-    def rollout(self) -> Rollout:
-        """The motion."""
-        return self.linear.rollout
-
-    @property
-    def shooting(self) -> ShootingProblem:
-        """The shooting problem: limits, dynamics, tuned numbers."""
-        return self.linear.rollout.shooting
-
-    @property
-    def structure(self) -> SwitchingStructure:
-        """Structure of the extremal."""
-        return self.rollout.structure
-
-
-@dataclass(frozen=True, eq=False)
-class NoExtremal:
-    """A structure without an extremal.
-
-    Attributes:
-        why: the reason, in words.
-        linear: the last motion; None: no motion.
-    """
-
-    why: str
-    linear: LinearizedRollout | None = None
-
-
-def fastest(shooting: ShootingProblem, structure: SwitchingStructure) -> Extremal | NoExtremal:
-    """Find the extremal near a structure.
+def fastest(shooting: ShootingProblem, structure: SwitchingStructure) -> tuple[LinearRollout | None, str]:
+    """Find the extremal near a structure: a stationary motion, which no small change of its times shortens.
 
     Args:
         shooting: the shooting problem.
         structure: initial structure; times and states may be inconsistent.
+
+    Returns:
+        The last motion, None without any, and the reason, in words, why it is no extremal; "": it is one.
     """
     linear = landed(shooting, structure)
     if linear is None:
-        return NoExtremal("no motion near the mesh's ends in the goal")
-    linear = _touching(shooting, linear)
+        return None, "no motion near the mesh's ends in the goal"
+    linear = _touching(linear)
     numbers = shooting.policy.descent
     radius = numbers.radius * structure.duration
     for _ in range(numbers.steps):
         if shooting.budget:
-            return NoExtremal(shooting.budget.word, linear)
+            return linear, shooting.budget.word
         if not np.all(np.isfinite(linear.quadratic.hessian)):
-            return NoExtremal("the motion next to it overflows", linear)
+            return linear, "the motion next to it overflows"
         if linear.gradient_norm <= numbers.flat:
-            return Extremal(linear)
+            return linear, ""
         step = linear.step(radius)
         while True:
             if step.promised < numbers.worth * structure.duration or radius < numbers.narrow * structure.duration:
                 if linear.gradient_norm <= numbers.nearly_flat:
-                    return Extremal(linear)
-                return NoExtremal("no step shortens the motion any more", linear)
-            after = _stepped(shooting, linear, step.by)
-            gained = linear.rollout.structure.duration - after.rollout.structure.duration if after else -np.inf
+                    return linear, ""
+                return linear, "no step shortens the motion any more"
+            after = _stepped(linear, step.by)
+            gained = linear.structure.duration - after.structure.duration if after else -np.inf
             if gained >= 0.05 * step.promised:
                 break
             radius = min(radius, float(np.linalg.norm(step.by))) / 4
@@ -222,53 +170,47 @@ def fastest(shooting: ShootingProblem, structure: SwitchingStructure) -> Extrema
         if gained > 0.7 * step.promised and step.bound:
             radius *= 2.5
         assert after is not None  # noqa: S101 - otherwise there was no gain
-        linear = _without_vanished(shooting, _within_limits(shooting, linear, step.by, after))
-    return NoExtremal(f"{numbers.steps} steps did not reach an extremal", linear)
+        linear = _without_vanished(_within_limits(linear, step.by, after))
+    return linear, f"{numbers.steps} steps did not reach an extremal"
 
 
-def _within_limits(
-    shooting: ShootingProblem, linear: LinearizedRollout, by: Array, after: LinearizedRollout
-) -> LinearizedRollout:
+def _within_limits(linear: LinearRollout, by: Array, after: LinearRollout) -> LinearRollout:
     """The motion after a step, shortened to touch position limits if the motion exceeds these.
 
     Args:
-        shooting: the shooting problem.
         linear: motion before the step.
         by: step of the unknowns.
         after: motion after the step.
     """
-    there, low, high, numbers = after, 0.0, 1.0, shooting.policy.descent
+    there, low, high, numbers = after, 0.0, 1.0, linear.shooting.policy.descent
     for _ in range(numbers.halves):
         kept = within_limits(there.rollout)
         if (kept and high == 1.0) or (not kept and excess(there.rollout) <= numbers.near):
             break
         part = (low + high) / 2
-        halved = _stepped(shooting, linear, part * by)
+        halved = _stepped(linear, part * by)
         if halved is None:
             return after
         low, high = (part, high) if within_limits(halved.rollout) else (low, part)
         there = halved
-    return _touching(shooting, there)
+    return _touching(there)
 
 
-def _touching(shooting: ShootingProblem, linear: LinearizedRollout) -> LinearizedRollout:
+def _touching(linear: LinearRollout) -> LinearRollout:
     """The motion with touches of the position limits that it exceeds, if there is one nearby."""
-    numbers, overlooked = shooting.policy.descent, shooting.policy.rollout.beyond
+    numbers, overlooked = linear.shooting.policy.descent, linear.shooting.policy.rollout.beyond
     for _ in range(numbers.touches):
         beyond = beyond_position(linear.rollout)
         structure = with_limits(linear.rollout) if beyond <= numbers.far_beyond else None
-        touching = landed(shooting, structure) if structure else None
+        touching = landed(linear.shooting, structure) if structure else None
         most_cost = numbers.touch_cost if beyond > overlooked else numbers.arc_cost
-        if (
-            touching is None
-            or touching.rollout.structure.duration > (1 + most_cost) * linear.rollout.structure.duration
-        ):
+        if touching is None or touching.structure.duration > (1 + most_cost) * linear.structure.duration:
             return linear
         linear = touching
     return linear
 
 
-def in_one_piece(extremal: Extremal, offset: Array | float = 0.0) -> Extremal:
+def in_one_piece(extremal: LinearRollout, offset: Array | float = 0.0) -> LinearRollout:
     """Close the gaps between a structure's arcs that rounding leaves.
 
     Args:
@@ -278,35 +220,35 @@ def in_one_piece(extremal: Extremal, offset: Array | float = 0.0) -> Extremal:
     Returns:
         The extremal; unchanged if no motion without gaps is near.
     """
-    shooting = replace(extremal.rollout.shooting, offset=offset)
+    shooting = replace(extremal.shooting, offset=offset)
     linear = landed(shooting, extremal.structure, shooting.policy.descent.near_rounds, in_one=True)
-    return extremal if linear is None else Extremal(linear)
+    return extremal if linear is None else linear
 
 
-def finer(extremal: Extremal, budget: Budget) -> Extremal | None:
+def finer(extremal: LinearRollout, budget: Budget) -> LinearRollout | None:
     """Solve the same structure with twice the steps; None at the largest number of steps, or without an extremal.
 
     Args:
         extremal: extremal with too long steps.
         budget: budget of its integrator steps.
     """
-    shooting = extremal.rollout.shooting.finer(extremal.rollout)
-    found = fastest(replace(shooting, budget=budget), extremal.structure) if shooting else None
-    return found if isinstance(found, Extremal) else None
+    shooting = extremal.shooting.finer(extremal.rollout)
+    found, why = fastest(replace(shooting, budget=budget), extremal.structure) if shooting else (None, "")
+    return None if why else found
 
 
-def _stepped(shooting: ShootingProblem, linear: LinearizedRollout, by: Array) -> LinearizedRollout | None:
+def _stepped(linear: LinearRollout, by: Array) -> LinearRollout | None:
     """The motion after a step along the tangents."""
     structure, joined = moved_by(linear, by, 1.0)
-    return landed(shooting, structure, shooting.policy.descent.near_rounds, joined, tied=True)
+    return landed(linear.shooting, structure, linear.shooting.policy.descent.near_rounds, joined, tied=True)
 
 
-def _without_vanished(shooting: ShootingProblem, linear: LinearizedRollout) -> LinearizedRollout:
+def _without_vanished(linear: LinearRollout) -> LinearRollout:
     """The motion without segments of zero length, and without touches within contacts.
 
     On velocity limits they stay: a joint may have to reach the limit just as its torque switches.
     """
-    structure, numbers = linear.rollout.structure, shooting.policy.descent
+    structure, numbers = linear.structure, linear.shooting.policy.descent
     lengths = lengths_of(structure) @ structure.unknowns
     short = [
         segment
@@ -315,4 +257,4 @@ def _without_vanished(shooting: ShootingProblem, linear: LinearizedRollout) -> L
     ]
     left = structure.without(short) if short else structure
     left = left.without_changes(left.idle_touches)
-    return linear if left.size == structure.size else landed(shooting, left, numbers.near_rounds) or linear
+    return linear if left.size == structure.size else landed(linear.shooting, left, numbers.near_rounds) or linear

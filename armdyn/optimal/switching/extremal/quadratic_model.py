@@ -8,14 +8,14 @@ import numpy as np
 from armdyn.arrays import Array, Flags
 from armdyn.locks import cached_property
 from armdyn.optimal.switching.extremal.change import Segment
-from armdyn.optimal.switching.extremal.rollout import Rollout
+from armdyn.optimal.switching.extremal.rollout import Rollout, ShootingProblem
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.extremal.trust_region import RANK, TIGHT, QuadraticForm, held_back, null_space
 
 
 @dataclass(frozen=True, eq=False)
-class LinearizedRollout:
-    """Rollout to first order in its times: corrections that close its gaps, and its conditions.
+class LinearRollout:
+    """Rollout to first order in its times: corrections that close its gaps, its conditions and costates.
 
     Attributes:
         rollout: the linearised rollout.
@@ -61,6 +61,16 @@ class LinearizedRollout:
         return cls(rollout, reach, gap, np.vstack(rows), residual, worst)
 
     @property
+    def shooting(self) -> ShootingProblem:
+        """The shooting problem: limits, dynamics, tuned numbers."""
+        return self.rollout.shooting
+
+    @property
+    def structure(self) -> SwitchingStructure:
+        """Structure of the rollout."""
+        return self.rollout.structure
+
+    @property
     def infeasible(self) -> float:
         """Largest gap or residual of an equation, in parts of `Rollout.unit`."""
         return max(self.open, float(np.max(np.abs(self.residual))))
@@ -68,12 +78,9 @@ class LinearizedRollout:
     @cached_property
     def planes(self) -> "Planes":
         """Quantities that must stay nonnegative: segments' lengths, free torques' distances from their limits."""
-        structure, lengths, (slack, slack_jacobian) = (
-            self.rollout.structure,
-            lengths_of(self.rollout.structure),
-            self.rollout.slack,
-        )
-        orders = structure.orders(self.rollout.shooting.policy.descent.meeting_distance * structure.duration)
+        structure, (slack, slack_jacobian) = self.structure, self.rollout.slack
+        lengths = lengths_of(structure)
+        orders = structure.orders(self.shooting.policy.descent.meeting_distance * structure.duration)
         apart = np.zeros((len(orders), structure.width))
         for row, (k, after) in zip(apart, orders, strict=True):
             row[k], row[after] = -1.0, 1.0
@@ -91,7 +98,7 @@ class LinearizedRollout:
     def _response(self) -> tuple[float, Array]:
         """Norm of the reduced gradient without the active planes' part; multipliers of all equations."""
         gradient = np.zeros(self.jacobian.shape[1])
-        gradient[self.rollout.structure.size] = 1.0
+        gradient[self.structure.size] = 1.0
         tight = self.planes.rows[self.planes.now <= TIGHT]
         multiplier, gradient_norm = held_back(self.tangents @ gradient, tight @ self.tangents.T)
         multipliers = np.linalg.lstsq(self.jacobian.T, multiplier @ tight - gradient, rcond=RANK)[0]
@@ -125,6 +132,11 @@ class LinearizedRollout:
             if k and rollout.arc[k] != rollout.arc[k - 1]:
                 p = p + jumps[rollout.arc[k] - 1]
         return start, end
+
+    @cached_property
+    def switching(self) -> Array:
+        """The switching functions at the starts and ends of the steps, shape (2 steps, nv)."""
+        return self.rollout.switching(self.costates)
 
     @property
     def drift(self) -> float:
@@ -161,7 +173,7 @@ class LinearizedRollout:
     @cached_property
     def quadratic(self) -> QuadraticForm:
         """Second-order model of the duration along the tangents."""
-        return QuadraticForm(self.tangents[:, self.rollout.structure.size], self.hessian(self.tangents))
+        return QuadraticForm(self.tangents[:, self.structure.size], self.hessian(self.tangents))
 
     def step(self, radius: float) -> "Step":
         """Best step within a radius [s] that keeps all segments' lengths nonnegative."""

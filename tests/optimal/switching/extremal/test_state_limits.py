@@ -8,7 +8,7 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Arc, Mode
 from armdyn.optimal.switching.extremal.change import Change
-from armdyn.optimal.switching.extremal.descent import Extremal, fastest
+from armdyn.optimal.switching.extremal.descent import fastest
 from armdyn.optimal.switching.extremal.rollout import Rollout
 from armdyn.optimal.switching.extremal.state_limits import excess, state_at, with_limits, within_limits
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
@@ -65,8 +65,8 @@ def test_touches_are_found_on_the_way():
     given = SwitchingStructure.of(solution.phases.arcs, solution.phases.torques)
     touches = [k for k, change in enumerate(given.changes) if change.touch]
     assert len(touches) == 2
-    found = fastest(shooting, given.without_changes(touches))
-    assert isinstance(found, Extremal)
+    found, why = fastest(shooting, given.without_changes(touches))
+    assert not why
     assert within_limits(found.rollout)
     assert sum(change.touch for change in found.structure.changes) == 2
     assert found.structure.duration == pytest.approx(solution.duration, rel=1e-7)
@@ -82,8 +82,8 @@ def test_a_velocity_limit_that_is_overlooked_is_kept():
     shooting = shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), guess)
     bang = SwitchingStructure.of([Arc(np.sqrt(2), (U,)), Arc(np.sqrt(2), (L,))], guess)
     assert excess(Rollout.of(shooting, bang)) == pytest.approx(np.sqrt(2) / 0.8 - 1, rel=1e-9)
-    found = fastest(shooting, bang)
-    assert isinstance(found, Extremal)
+    found, why = fastest(shooting, bang)
+    assert not why
     assert [arc.modes[0] for arc in found.structure.arcs(1e-7)] == [U, Mode.VELOCITY_UPPER, L]
     assert found.structure.duration == pytest.approx(2 / 0.8 + 0.8, rel=1e-9)
     assert within_limits(found.rollout)
