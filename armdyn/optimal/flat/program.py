@@ -149,27 +149,6 @@ class CurveLayout:
         return sum(each) - self.joints * sum(one < leg for one in self.joined)
 
 
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """Equations that are repeated along a curve.
-
-    Attributes:
-        one: equations at one place.
-        index: indices of each place's unknowns, a column each.
-        own: number of each place's own parameters.
-        shared: whether `Shared` follows these.
-        common: number of parameters common to all places, after these.
-        summed: see `Block`.
-    """
-
-    one: IntervalFunctions
-    index: Index
-    own: int
-    shared: bool = False
-    common: int = 0
-    summed: bool = False
-
-
 @built_once(maxsize=32)
 def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[StageRows, ...], compile_mode: bool | None) -> Program:
     """The program of curves: torques and rates leg by leg, continuity between legs, then path constraints.
@@ -180,48 +159,42 @@ def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[StageRows, ...], c
         rows: rows of path constraints, over the intervals of all legs.
         compile_mode: mode for `compiled`.
     """
-    n, parts = shape.joints, list[_Part]()
+    n, blocks, shared = shape.joints, list[Block](), Shared.size(shape.joints)
+    first = shared
+
+    def add(one: IntervalFunctions, index: Index, own: int, whole: bool = False, rows: StageRows | None = None) -> None:
+        """Add equations at places, a column of unknowns each. Parameters: `own` of each place, `Shared`, the rows'."""
+        nonlocal first
+        places, common = index.shape[1], 0 if rows is None else rows.numbers
+        each = first + np.arange(own * places).reshape(places, own).T
+        first += own * places + common
+        same = np.concatenate([np.arange(shared * whole), np.arange(first - common, first)])
+        parameters = np.vstack([each, same[:, None].repeat(places, axis=1)])
+        blocks.append(Block(one, index, parameters, rows is not None and rows.where == "sum"))
+
     for leg in shape.legs:
-        parts.append(_Part(torque_equations(dynamics, compile_mode), shape.at_points(leg), 3 * WINDOW + 3, shared=True))
-        parts.append(_Part(torque_step_cost(n), shape.torque_steps(leg)[: 2 * n], 1))
+        add(torque_equations(dynamics, compile_mode), shape.at_points(leg), 3 * WINDOW + 3, True)
+        add(torque_step_cost(n), shape.torque_steps(leg)[: 2 * n], 1)
         for order in shape.orders:
-            parts.append(_Part(rate_equations(n, order), shape.differences(leg, order), order + 1 + n))
+            add(rate_equations(n, order), shape.differences(leg, order), order + 1 + n)
         if shape.lines:
-            falling = torque_speed_equations(n, shape.lines)
-            parts.append(_Part(falling, shape.at_points(leg), WINDOW + shape.lines * n))
+            add(torque_speed_equations(n, shape.lines), shape.at_points(leg), WINDOW + shape.lines * n)
     for leg in shape.legs[1:]:
         for order in range(1, shape.smooth + 1):
             before, after = shape.differences(leg - 1, order)[:, -1:], shape.differences(leg, order)[:, :1]
-            own = 2 * (order + 1) + n
-            parts.append(_Part(meeting_equations(n, order), np.vstack([before, after]), own))
-    if shape.rated:
-        parts += _torque_rates(shape)
-    everywhere = np.hstack([shape.in_intervals(leg) for leg in shape.legs])
+            add(meeting_equations(n, order), np.vstack([before, after]), 2 * (order + 1) + n)
+    if shape.rated:  # within each leg, between legs, and at both ends
+        for leg in shape.legs:
+            add(torque_rate_equations(n, 1), shape.torque_steps(leg), 1 + n)
+        for leg in shape.legs[1:]:
+            add(torque_rate_equations(n, 2), shape.torque_meeting(leg), 2 + n)
+        for end in shape.torque_ends():
+            add(torque_rate_equations(n, 1, given=True), end, 1 + 2 * n)
+    everywhere, place = (
+        np.hstack([shape.in_intervals(leg) for leg in shape.legs]),
+        CurveInterval(dynamics, compile_mode),
+    )
     for each in rows:
-        one = each.functions(CurveInterval(dynamics, compile_mode))
         index = everywhere[:, intervals_of(each, shape.intervals)]
-        parts.append(_Part(one, index, WINDOW**2 + 1, True, each.numbers, each.where == "sum"))
-    paid = [shape.duration(leg) for leg in shape.legs]
-    return program_of(_laid_out(parts, Shared.size(n)), shape.size, paid, Shared.size(n) - 1)
-
-
-def _laid_out(parts: Sequence[_Part], shared: int) -> list[Block]:
-    """Blocks with the indices of their parameters: the shared ones, then each part's own and its common ones."""
-    blocks, first = [], shared
-    for part in parts:
-        places = part.index.shape[1]
-        own = first + np.arange(part.own * places).reshape(places, part.own).T
-        first += part.own * places + part.common
-        same = np.concatenate([np.arange(shared if part.shared else 0), np.arange(first - part.common, first)])
-        parameters = np.vstack([own, same[:, None].repeat(places, axis=1)])
-        blocks.append(Block(part.one, part.index, parameters, part.summed))
-    return blocks
-
-
-def _torque_rates(shape: CurveLayout) -> list[_Part]:
-    """Constraints on torque rates: within each leg, between legs, and at both ends."""
-    n = shape.joints
-    steps = [_Part(torque_rate_equations(n, 1), shape.torque_steps(leg), 1 + n) for leg in shape.legs]
-    meetings = [_Part(torque_rate_equations(n, 2), shape.torque_meeting(leg), 2 + n) for leg in shape.legs[1:]]
-    ends = (_Part(torque_rate_equations(n, 1, given=True), end, 1 + 2 * n) for end in shape.torque_ends())
-    return [*steps, *meetings, *ends]
+        add(each.functions(place), index, WINDOW**2 + 1, True, each)
+    return program_of(blocks, shape.size, [shape.duration(leg) for leg in shape.legs], shared - 1)

@@ -67,29 +67,14 @@ def excesses(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> t
     """
     t, q, v = _between(motion, dense)
     t, q, v = np.append(motion.t, t), np.vstack([motion.q, q]), np.vstack([motion.v, v])
+    pushed = limits.actuators.excess(motion.tau, motion.q, motion.v)
+    fastest = np.where(np.isinf(limits.velocity), 1.0, limits.velocity)
+    beyond = np.maximum(q - limits.position_upper, limits.position_lower - q)
     bounded = np.where(np.isinf(limits.position_upper), 0, limits.position_upper - limits.position_lower)
     return (
-        Excess(
-            "torque limit",
-            motion.t,
-            limits.actuators.excess(motion.tau, motion.q, motion.v),
-            ("N m", "N"),
-            limits.actuators.scale,
-        ),
-        Excess(
-            "velocity limit",
-            t,
-            np.abs(v) - limits.velocity,
-            ("rad/s", "m/s"),
-            np.where(np.isinf(limits.velocity), 1.0, limits.velocity),
-        ),
-        Excess(
-            "position limit",
-            t,
-            np.maximum(q - limits.position_upper, limits.position_lower - q),
-            ("rad", "m"),
-            np.maximum(bounded, 1.0),
-        ),
+        Excess("torque limit", motion.t, pushed, ("N m", "N"), limits.actuators.scale),
+        Excess("velocity limit", t, np.abs(v) - limits.velocity, ("rad/s", "m/s"), fastest),
+        Excess("position limit", t, beyond, ("rad", "m"), np.maximum(bounded, 1.0)),
     )
 
 

@@ -71,56 +71,37 @@ class Guesses:
         (q0, q1), (v0, v1), (tau0, tau1) = ((own[each, k], own[each, k + 1]) for own in (self.q, self.v, self.tau))
         return *cubic(s, h, (q0, q1), (v0, v1)), tau0 + s * (tau1 - tau0)
 
-    def scales(self, problem: MinimumTimeProblem) -> list[Scales]:
-        """Scales of each guess's program."""
-        ways = np.ptp(self.q, axis=1).max(axis=1)
-        effort = Scales.efforts(problem)
-        return [Scales.sized(time, way, effort) for time, way in zip(self.durations, ways, strict=True)]
 
-
-@dataclass(frozen=True, eq=False)
-class CondensedStarts:
+def condensed_starts(
+    problem: MinimumTimeProblem, layout: CondensedLayout, guesses: Guesses, intervals: int
+) -> tuple[Array, Array, Array, list[Scales]]:
     """Scaled unknowns of the condensed programs of guesses, on a mesh of equal intervals.
 
-    Attributes:
-        x: initial unknowns, shape (k, unknowns).
-        lower: lower bounds, likewise.
-        upper: upper bounds, likewise.
-        scales: scales of each guess.
+    Args:
+        problem: the minimum-time problem.
+        layout: layout with constant torques in the intervals.
+        guesses: the guesses.
+        intervals: number of intervals N.
+
+    Returns:
+        Initial unknowns, their lower and upper bounds, each of shape (k, unknowns), and the scales of each guess.
     """
+    n, N, effort = problem.robot.nv, intervals, Scales.efforts(problem)
+    time, ways = guesses.durations, np.ptp(guesses.q, axis=1).max(axis=1)
+    scales = [Scales.sized(*sizes, effort) for sizes in zip(time, ways, strict=True)]
+    length, speed = (np.array([getattr(one, unit) for one in scales]) for unit in ("length", "speed"))
+    unit = np.empty((len(scales), 3 * n * N + 2 * n + 1))  # of x_0, u_0, x_1, …, x_N, T
+    at = unit[:, : 3 * n * N].reshape(len(scales), N, 3 * n)
+    at[..., :n], at[..., n : 2 * n], at[..., 2 * n :] = length[:, None, None], speed[:, None, None], 1.0
+    unit[:, -2 * n - 1 : -n - 1], unit[:, -n - 1 : -1], unit[:, -1] = length[:, None], speed[:, None], 1.0
 
-    x: Array
-    lower: Array
-    upper: Array
-    scales: list[Scales]
-
-    @classmethod
-    def of(cls, problem: MinimumTimeProblem, layout: CondensedLayout, guesses: Guesses, intervals: int) -> Self:
-        """Make the unknowns of guesses.
-
-        Args:
-            problem: the minimum-time problem.
-            layout: layout with constant torques in the intervals.
-            guesses: the guesses.
-            intervals: number of intervals N.
-        """
-        n, N, scales = problem.robot.nv, intervals, guesses.scales(problem)
-        length, speed, time = (np.array([getattr(one, unit) for one in scales]) for unit in ("length", "speed", "time"))
-        unit = np.empty((len(scales), 3 * n * N + 2 * n + 1))  # of x_0, u_0, x_1, …, x_N, T
-        at = unit[:, : 3 * n * N].reshape(len(scales), N, 3 * n)
-        at[..., :n], at[..., n : 2 * n], at[..., 2 * n :] = length[:, None, None], speed[:, None, None], 1.0
-        unit[:, -2 * n - 1 : -n - 1], unit[:, -n - 1 : -1], unit[:, -1] = length[:, None], speed[:, None], 1.0
-
-        knots = guesses.durations[:, None] * np.concatenate([[0.0], np.cumsum(np.diff(mesh(N)))])
-        q, v, _ = guesses.at(knots)
-        tau = guesses.at((knots[:, :-1] + knots[:, 1:]) / 2)[2] / Scales.efforts(problem)
-        x = np.ones_like(unit)
-        x[:, :-1] = np.concatenate(
-            [np.concatenate([q[:, :-1], v[:, :-1], tau], axis=2).reshape(len(scales), -1), q[:, -1], v[:, -1]], axis=1
-        )
-        x /= unit
-        # Bounds in rad, rad/s and the torque's scale.
-        sides = bounds(problem, layout.full, N, Scales(1.0, 1.0, 1.0, Scales.efforts(problem)))
-        lower, upper = (side[layout.kept(N)] / unit for side in sides)
-        lower[:, -1] = np.maximum(problem.duration_bound() / time, 1e-3)
-        return cls(np.clip(x, lower, upper), lower, upper, scales)
+    knots = time[:, None] * np.concatenate([[0.0], np.cumsum(np.diff(mesh(N)))])
+    q, v, _ = guesses.at(knots)
+    tau = guesses.at((knots[:, :-1] + knots[:, 1:]) / 2)[2] / effort
+    inner = np.concatenate([q[:, :-1], v[:, :-1], tau], axis=2).reshape(len(scales), -1)
+    x = np.concatenate([inner, q[:, -1], v[:, -1], np.ones((len(scales), 1))], axis=1) / unit
+    # Bounds in rad, rad/s and the torque's scale.
+    sides = bounds(problem, layout.full, N, Scales(1.0, 1.0, 1.0, effort))
+    lower, upper = (side[layout.kept(N)] / unit for side in sides)
+    lower[:, -1] = np.maximum(problem.duration_bound() / time, 1e-3)
+    return np.clip(x, lower, upper), lower, upper, scales

@@ -9,7 +9,7 @@ import numpy as np
 from armdyn.arrays import Array
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import CondensedNlp, build_condensed, has_condensed
-from armdyn.optimal.program.guesses import CondensedStarts, Guesses
+from armdyn.optimal.program.guesses import Guesses, condensed_starts
 from armdyn.optimal.program.layout import CondensedLayout, Layout
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
 from armdyn.optimal.solve.direct import Attempt, prepare, solve_on_mesh
@@ -88,12 +88,12 @@ def _begun(guesses: Guesses, k: int, program: "_Program", settings: SolverSettin
 def _programs(task: Task, guesses: Guesses, intervals: int) -> "list[_Program]":
     """Condensed programs of guesses on one mesh."""
     layout, weight = CondensedLayout(Layout(task.problem.robot.nv, task.scheme)), task.problem.effort_weight
-    starts, fractions = CondensedStarts.of(task.problem, layout, guesses, intervals), np.diff(mesh(intervals))
+    starts, fractions = condensed_starts(task.problem, layout, guesses, intervals), np.diff(mesh(intervals))
     return [
         _Program(
             x, one.parameters(fractions, one.weights(weight), task.dynamics.last_body), (low, high), one, fractions
         )
-        for x, low, high, one in zip(starts.x, starts.lower, starts.upper, starts.scales, strict=True)
+        for x, low, high, one in zip(*starts, strict=True)
     ]
 
 

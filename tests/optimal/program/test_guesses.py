@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from armdyn.optimal.program.guesses import CondensedStarts, Guesses
+from armdyn.optimal.program.guesses import Guesses, condensed_starts
 from armdyn.optimal.program.layout import CondensedLayout, Layout
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_unknowns
 from armdyn.optimal.search.starts import splines, via_guesses
@@ -17,18 +17,15 @@ def test_programs_of_many_guesses_are_those_of_each_to_the_last_bit(arm, interva
     problem = paper_problem(arm)
     layout = CondensedLayout(Layout(problem.robot.nv, Task.of(problem).scheme))
     guesses = splines(problem, via_guesses(problem, 0, 12), 0.4)
-    starts, fractions, kept = (
-        CondensedStarts.of(problem, layout, guesses, intervals),
-        np.diff(mesh(intervals)),
-        layout.kept(intervals),
-    )
+    starts = condensed_starts(problem, layout, guesses, intervals)
+    fractions, kept = np.diff(mesh(intervals)), layout.kept(intervals)
     for k in range(12):
         guess = guesses.motion(k, problem.robot.joint_names)
         scales = Scales.of(problem, guess)
         lower, upper = bounds(problem, layout.full, intervals, scales)
         x = np.clip(to_unknowns(guess, layout.full, fractions, scales), lower, upper)
-        for own, alone in ((starts.x[k], x), (starts.lower[k], lower), (starts.upper[k], upper)):
-            np.testing.assert_array_equal(own, alone[kept])
+        for own, alone in zip(starts, (x, lower, upper), strict=False):
+            np.testing.assert_array_equal(own[k], alone[kept])
 
 
 def test_motions_are_sampled_at_equal_parts_and_joined_in_order():
