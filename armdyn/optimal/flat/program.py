@@ -190,11 +190,8 @@ def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[StageRows, ...], c
             add(torque_rate_equations(n, 2), shape.torque_meeting(leg), 2 + n)
         for end in shape.torque_ends():
             add(torque_rate_equations(n, 1, given=True), end, 1 + 2 * n)
-    everywhere, place = (
-        np.hstack([shape.in_intervals(leg) for leg in shape.legs]),
-        CurveInterval(dynamics, compile_mode),
-    )
+    everywhere = np.hstack([shape.in_intervals(leg) for leg in shape.legs])
     for each in rows:
         index = everywhere[:, intervals_of(each, shape.intervals)]
-        add(each.functions(place), index, WINDOW**2 + 1, True, each)
+        add(each.functions(CurveInterval(dynamics, compile_mode)), index, WINDOW**2 + 1, True, each)
     return program_of(blocks, shape.size, [shape.duration(leg) for leg in shape.legs], shared - 1)

@@ -151,15 +151,13 @@ class MinimumTimeProblem:
             number(getattr(self, name), name, sign="not negative")
         for name in ("wrap", "self_collision"):
             flag(getattr(self, name), name)
-        object.__setattr__(self, "limits", self._resolve_limits())
+        self._set(limits=self._resolve_limits())
         goals = [np.asarray(self.q_goal)]
         if self.goal_pose is not None:
             goals = poses_reaching(self.robot, self.goal_pose, np.asarray(self.q_start), self.limits)
-            object.__setattr__(self, "q_goal", goals[0])
         if self.wrap:
             goals = goals_with_turns(np.asarray(self.q_start), goals, self.limits, endless(self.robot, self.limits))
-            object.__setattr__(self, "q_goal", goals[0])
-        object.__setattr__(self, "goals", tuple(goals))
+        self._set(q_goal=goals[0], goals=tuple(goals))
         for q, v, name in ((self.q_start, self.v_start, "start"), (self.q_goal, self.v_goal, "goal")):
             check_state(self.robot, self.limits, np.asarray(q), np.asarray(v), name, self.reserves.velocity)
         if np.array_equal(self.x_start, self.x_goal) and not several(self.via, "via"):
@@ -168,6 +166,11 @@ class MinimumTimeProblem:
             )
         self._resolve_path_constraints()
         warn_if_not_held(self._deficits_at(np.asarray(self.q_goal)))
+
+    def _set(self, **resolved: object) -> None:
+        """Store attributes as resolved."""
+        for name, value in resolved.items():
+            object.__setattr__(self, name, value)
 
     def _repr_parts(self) -> list[str]:
         """Parts of the `repr`."""
@@ -360,24 +363,23 @@ class MinimumTimeProblem:
                 given = np.zeros(self.robot.nv) if given is None else given
                 array = per_joint(given, self.robot.joint_names, name, error=ProblemError, scalar=False)
             array.setflags(write=False)
-            object.__setattr__(self, name, array)
+            self._set(**{name: array})
 
     def _resolve_path_constraints(self) -> None:
         """Check via points, obstacles and path constraints; store them as tuples and arrays."""
-        object.__setattr__(self, "via", self._resolved_via())
+        self._set(via=self._resolved_via())
         obstacles = check_scene(several(self.obstacles, "obstacles"), self.clearance)
-        object.__setattr__(self, "obstacles", obstacles)
+        self._set(obstacles=obstacles)
         for name in ("allowed_contacts", "end_contacts"):
-            object.__setattr__(self, name, contacts(getattr(self, name), name, self.robot, obstacles))
-        names = ("acceleration_limit", "jerk_limit")
-        object.__setattr__(self, "own_rates", {name: getattr(self, name) for name in names})
-        for name in names:
-            object.__setattr__(self, name, rate_limit(getattr(self, name), name, self.robot, self.preset))
+            self._set(**{name: contacts(getattr(self, name), name, self.robot, obstacles)})
+        rates = {"acceleration_limit": self.acceleration_limit, "jerk_limit": self.jerk_limit}
+        kept = {name: rate_limit(own, name, self.robot, self.preset) for name, own in rates.items()}
+        self._set(own_rates=rates, **kept)
         self._resolve_poses()
         self._resolve_clear()
         path_constraints = check_path_constraints(self.path_constraints)
         bound = tuple(constraint.on(self.robot, self.x_start, self.x_goal) for constraint in path_constraints)
-        object.__setattr__(self, "path_constraints", bound)
+        self._set(path_constraints=bound)
         for constraint in bound:
             constraint.fits(self)
 
@@ -403,7 +405,7 @@ class MinimumTimeProblem:
 
         start, goal = np.asarray(self.q_start), np.asarray(self.q_goal)
         inner = via_positions(self.robot, self.limits, (start, goal), self.via, is_clear)
-        object.__setattr__(self, "poses", np.array([start, *inner, goal]))
+        self._set(poses=np.array([start, *inner, goal]))
         self.poses.setflags(write=False)
         check_via_regions(self.robot, self.via, self.poses)
         check_poses(self.poses)
@@ -418,17 +420,14 @@ class MinimumTimeProblem:
         check_clear(model, fixed, self.clearance)
         if self.goal_pose is not None:
             clear = clear_goals(model, self.goals, self.clearance)
-            object.__setattr__(self, "goals", clear)
-            object.__setattr__(self, "q_goal", clear[0])
-            object.__setattr__(self, "poses", np.array([*self.poses[:-1], clear[0]]))
+            self._set(goals=clear, q_goal=clear[0], poses=np.array([*self.poses[:-1], clear[0]]))
 
     def _resolve_limits(self) -> JointLimits:
         robot, kept = self.robot, Reserve.of(self.reserve, self.velocity_reserve, self.robot.joint_names)
-        object.__setattr__(self, "reserve", kept.effort)
-        object.__setattr__(self, "velocity_reserve", kept.velocity)
+        self._set(reserve=kept.effort, velocity_reserve=kept.velocity)
         limits = resolved_limits(robot, self.effort_limit, self.velocity_limit, self.position_limit)
         limits = limits if self.preset is None else limits_under(limits, self.preset)
-        object.__setattr__(self, "passive", several(self.passive, "passive"))
+        self._set(passive=several(self.passive, "passive"))
         limits = limits.without_motors(self.passive, robot.joint_names, ProblemError)
         check_motors(robot, limits, self.relative_effort_weight)
         check_limits(robot, limits)

@@ -66,8 +66,33 @@ def mesh_costates(
         replay: replay of the motion, along which the adjoint equations are integrated.
         policy: lengths of stretches, distance of near limits, and tolerances of the integration.
     """
-    system = _StationarityProgram.of(problem, motion, replay, policy)
-    return None if system is None else system.solved()
+    robot, actuators, n, numbers = problem.robot, problem.limits.actuators, problem.robot.nv, policy.shooting
+    size, h, t = motion.size, np.diff(motion.t), motion.t
+    at, held = replay(np.append(t[:-1], (t[:-1] + t[1:]) / 2)), np.tile(motion.tau, (2, 1))
+    halves, x = np.tile(h / 2, 2), np.concatenate([at.q, at.v], axis=1)
+    steps = transitions(robot, halves, x, np.stack([held, held], axis=1), policy.adjoint.precise, size)
+    if steps is None:
+        return None
+    steps = steps.swapaxes(1, 2) * size[:, None] / size
+    first, own = steps[: h.size], np.eye(2 * n)
+    carried = first @ steps[h.size :]
+    rates = []
+    for x in (motion.x[:-1], motion.x[1:]):
+        a = forward_dynamics(robot)(x[:, :n], x[:, n:], motion.tau)
+        rates.append(np.concatenate([x[:, n:], a], axis=1) / size)
+    inverse = np.linalg.inv(joint_inertia(robot)(motion.x[:, :n]))
+    width = np.where(actuators.width > 0, actuators.width, 1.0)  # without a motor the torque is fixed
+    return _StationarityProgram(
+        motion=motion,
+        carried=carried,
+        added=h[:, None, None] / 6 * (own + 4 * first + carried) * size,  # by Simpson's rule
+        rate=np.array(rates),
+        into=inverse * actuators.width[:, None] / size[n:],
+        share=(motion.tau - actuators.lower) / width,
+        limits=_Limits.of(problem.limits, motion, numbers.held),
+        width=width,
+        numbers=numbers,
+    ).solved()
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,38 +172,6 @@ class _StationarityProgram:
     limits: _Limits
     width: Array
     numbers: ShootingPolicy
-
-    @classmethod
-    def of(
-        cls, problem: MinimumTimeProblem, motion: Shooting, replay: Trajectory, policy: Policy
-    ) -> "_StationarityProgram | None":
-        robot, actuators, n, numbers = problem.robot, problem.limits.actuators, problem.robot.nv, policy.shooting
-        size, h, t = motion.size, np.diff(motion.t), motion.t
-        at, held = replay(np.append(t[:-1], (t[:-1] + t[1:]) / 2)), np.tile(motion.tau, (2, 1))
-        halves, x = np.tile(h / 2, 2), np.concatenate([at.q, at.v], axis=1)
-        steps = transitions(robot, halves, x, np.stack([held, held], axis=1), policy.adjoint.precise, size)
-        if steps is None:
-            return None
-        steps = steps.swapaxes(1, 2) * size[:, None] / size
-        first, own = steps[: h.size], np.eye(2 * n)
-        carried = first @ steps[h.size :]
-        rates = []
-        for x in (motion.x[:-1], motion.x[1:]):
-            a = forward_dynamics(robot)(x[:, :n], x[:, n:], motion.tau)
-            rates.append(np.concatenate([x[:, n:], a], axis=1) / size)
-        inverse = np.linalg.inv(joint_inertia(robot)(motion.x[:, :n]))
-        width = np.where(actuators.width > 0, actuators.width, 1.0)  # without a motor the torque is fixed
-        return cls(
-            motion=motion,
-            carried=carried,
-            added=h[:, None, None] / 6 * (own + 4 * first + carried) * size,  # by Simpson's rule
-            rate=np.array(rates),
-            into=inverse * actuators.width[:, None] / size[n:],
-            share=(motion.tau - actuators.lower) / width,
-            limits=_Limits.of(problem.limits, motion, numbers.held),
-            width=width,
-            numbers=numbers,
-        )
 
     def solved(self) -> MeshCostates:
         """Solve the linear program, and integrate the adjoint equations with its multipliers.
@@ -295,16 +288,11 @@ class _StationarityProgram:
 
 def _adjoint(segments: _Segments) -> sp.csr_matrix:
     """Rows r_g = A_gᵀ r_{g+1} + sources of all stretches."""
-    G, E, n = len(segments.carried), len(segments.source), segments.carried.shape[1] // 2
-    m, g, own = 2 * n, np.arange(G), np.arange(2 * n * G)
-    down = m * g[:, None, None] + np.arange(m)[None, :, None] + np.zeros((1, 1, m), int)
-    across = m * (g[:, None, None] + 1) + np.arange(m)[None, None, :] + np.zeros((1, m, 1), int)
-    of_sources = m * segments.source_of[0][:, None] + np.arange(m)
-    columns = np.broadcast_to(m * (G + 1) + np.arange(E)[:, None], of_sources.shape)
-    values = [np.ones(G * m), -segments.carried.ravel(), -segments.source.ravel()]
-    places = [[own, down.ravel(), of_sources.ravel()], [own, across.ravel(), columns.ravel()]]
-    shape = (G * m, m * (G + 1) + E)
-    return sp.csr_matrix((np.concatenate(values), tuple(map(np.concatenate, places))), shape=shape)
+    (G, m, _), E = segments.carried.shape, len(segments.source)
+    carried = sp.bsr_matrix((segments.carried, np.arange(1, G + 1), np.arange(G + 1)), shape=(G * m, (G + 1) * m))
+    rows = m * segments.source_of[0][:, None] + np.arange(m)
+    sources = sp.csc_matrix((segments.source.ravel(), rows.ravel(), m * np.arange(E + 1)), shape=(G * m, E))
+    return sp.hstack([sp.eye(G * m, (G + 1) * m) - carried, -sources], format="csr")
 
 
 def _nearest(adjoint: sp.csr_matrix, costates: Array, multipliers: Array) -> Array:
