@@ -33,6 +33,7 @@ HELD = (*BANG, Mode.PASSIVE)
 """Modes of constant torque."""
 VELOCITY = (Mode.VELOCITY_UPPER, Mode.VELOCITY_LOWER)
 POSITION = (Mode.POSITION_UPPER, Mode.POSITION_LOWER)
+UPPER_LIMITS = (Mode.VELOCITY_UPPER, Mode.POSITION_UPPER)
 TOWARDS = {
     Mode.POSITION_UPPER: Mode.UPPER,
     Mode.POSITION_LOWER: Mode.LOWER,
@@ -49,7 +50,7 @@ def runs_of(places: Index) -> list[Index]:
 
 def outward(mode: Mode) -> float:
     """Sign of the limit of a mode: 1 for an upper, -1 for a lower one."""
-    return 1.0 if mode in (Mode.VELOCITY_UPPER, Mode.POSITION_UPPER) else -1.0
+    return 1.0 if mode in UPPER_LIMITS else -1.0
 
 
 def bang_signs(modes: NDArray[np.str_]) -> Array:

@@ -12,6 +12,7 @@ from functools import cache
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from armdyn.arrays import Array, Index
 from armdyn.optimal.arcs.arc import HELD, Arc, bang_signs
@@ -76,6 +77,11 @@ class Phases:
     mesh_density: Density | None = None
     density: Density | None = None
     iterations: int = 0
+
+    @property
+    def modes(self) -> NDArray[np.str_]:
+        """Modes of the joints in each interval, shape (K, nv)."""
+        return np.array([arc.modes for arc in self.arcs])[self.arc_of]
 
     @property
     def duration(self) -> float:

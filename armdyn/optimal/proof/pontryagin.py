@@ -16,7 +16,7 @@ import numpy as np
 from armdyn.arrays import Array, Flags
 from armdyn.dynamics.numeric import forward_dynamics, joint_inertia
 from armdyn.models.robots.robot import Robot
-from armdyn.optimal.arcs.arc import HELD, POSITION, VELOCITY, Mode, outward
+from armdyn.optimal.arcs.arc import HELD, POSITION, UPPER_LIMITS, VELOCITY, Mode, outward
 from armdyn.optimal.arcs.phases import TABLEAU, Phases
 from armdyn.optimal.landing.rollout import replay_torques, transitions
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -37,12 +37,9 @@ def pontryagin(problem: MinimumTimeProblem, phases: Phases) -> tuple[Array, Arra
     fall = np.maximum(switching, 0) * down + np.maximum(-switching, 0) * up
     if w > 0:  # H is a parabola in the torque: its minimum may be nearer than the limit
         fall = np.minimum(fall, switching**2 / (2 * w))
-    worst = 0.0
-    for k, a in enumerate(phases.arc_of):
-        first = k == 0 or phases.arc_of[k - 1] != a
-        for i, mode in enumerate(phases.arcs[a].modes):
-            if mode in HELD or not first:  # a free torque is extrapolated to the knot where its arc begins
-                worst = max(worst, fall[k, i])
+    within = np.append(False, np.diff(phases.arc_of) == 0)[:, None]
+    # A free torque is extrapolated to the knot where its arc begins.
+    worst = np.max(fall[:-1], where=np.isin(phases.modes, HELD) | within, initial=0.0)
     return hamiltonian, switching, float(max(worst, _worst_multiplier(phases)))
 
 
@@ -63,7 +60,7 @@ def idle_joints(problem: MinimumTimeProblem, phases: Phases, switching: Array, t
     by_torque = np.abs(switching) * (limits.actuators.width)
     by_position = np.abs(phases.costate[:, :n]) * np.max(np.abs(phases.v), axis=0)
     zero = np.maximum(by_torque, by_position) <= tolerance
-    free = np.array([[mode is Mode.FREE for mode in phases.arcs[a].modes] for a in phases.arc_of])
+    free = phases.modes == Mode.FREE
     shares = np.diff(phases.t) @ (free & zero[:-1] & zero[1:]) / phases.duration
     return tuple(name for name, share in zip(problem.robot.joint_names, shares, strict=True) if share > 1 / 2)
 
@@ -71,13 +68,9 @@ def idle_joints(problem: MinimumTimeProblem, phases: Phases, switching: Array, t
 def _worst_multiplier(phases: Phases) -> float:
     """Largest inward multiplier of an active state limit, relative to its largest outward multiplier."""
     worst, K = 0.0, phases.arc_of.size
-    for i in range(phases.q.shape[1]):
-        modes = [phases.arcs[a].modes[i] for a in phases.arc_of]
-        fast = [
-            -outward(mode) * phases.state_multiplier[k, :, 1, i] for k, mode in enumerate(modes) if mode in VELOCITY
-        ]
-        inside = np.array([mode in POSITION for mode in modes])
-        sign = np.array([outward(mode) for mode in modes])
+    for i, modes in enumerate(phases.modes.T):
+        inside, sign = np.isin(modes, POSITION), np.where(np.isin(modes, UPPER_LIMITS), 1.0, -1.0)
+        fast = list((-sign[:, None] * phases.state_multiplier[:, :, 1, i])[np.isin(modes, VELOCITY)])
         fast += _velocity_impulses(phases, i)
         stages, knots = _position_multipliers(phases, i, inside)
         met = np.zeros(K - 1)  # at the knots between intervals: contact on either side, or a touch
@@ -86,7 +79,7 @@ def _worst_multiplier(phases: Phases) -> float:
             for joint, mode in arc.touches:
                 if joint == i and mode in POSITION:
                     met[max(int(np.searchsorted(phases.arc_of, a, side="right")) - 1, 0)] = outward(mode)
-        near = [-sign[k] * stages[k] for k in np.flatnonzero(inside)] + [-(met * knots)[met != 0]]
+        near = [*(-sign[:, None] * stages)[inside], -(met * knots)[met != 0]]
         for multipliers in (fast, near):
             if sum(map(len, multipliers)):
                 every = np.concatenate(multipliers)
@@ -195,7 +188,7 @@ def _impulses(phases: Phases) -> tuple[Array, Array, Flags]:
         stage of an interval has an impulse, shape (K,).
     """
     K, n = phases.q.shape[0] - 1, phases.q.shape[1]
-    modes = np.array([phases.arcs[a].modes for a in phases.arc_of], dtype=object)
+    modes = phases.modes
     slow = np.isin(modes, POSITION)
     held = np.stack([slow, slow | np.isin(modes, VELOCITY)], axis=1)  # (K, 2, nv): positions, velocities
     met = held[:-1] | held[1:]

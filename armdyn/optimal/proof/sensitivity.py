@@ -13,7 +13,7 @@ from armdyn.arrays import Array
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import GoalPose, free_directions
-from armdyn.optimal.arcs.arc import VELOCITY, Mode
+from armdyn.optimal.arcs.arc import Mode
 from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.reprs import brief
@@ -60,20 +60,12 @@ def sensitivities(problem: MinimumTimeProblem, phases: Phases) -> Sensitivities:
 
 def by_limits(phases: Phases) -> tuple[Array, Array, Array]:
     """∂t_f/∂(upper, lower torque limits) and ∂t_f/∂(velocity limits), see `Sensitivities`."""
-    n, arcs = phases.q.shape[1], phases.arcs
-    upper, lower, velocity = np.zeros(n), np.zeros(n), np.zeros(n)
-    for k, a in enumerate(phases.arc_of):
-        for i, mode in enumerate(arcs[a].modes):
-            if mode is Mode.UPPER:
-                upper[i] += phases.torque_multiplier[k, :, i].sum()
-            if mode is Mode.LOWER:
-                lower[i] += phases.torque_multiplier[k, :, i].sum()
-            if mode in VELOCITY:
-                outward = 1.0 if mode is Mode.VELOCITY_UPPER else -1.0
-                multiplier = phases.state_multiplier[k, :, 1, i].sum()
-                multiplier += phases.knot_multiplier[k, 1, i] if k < len(phases.knot_multiplier) else 0.0
-                velocity[i] += outward * multiplier
-    return upper, lower, velocity
+    modes, torque = phases.modes, phases.torque_multiplier.sum(axis=1)
+    speed = phases.state_multiplier[:, :, 1].sum(axis=1)
+    speed[:-1] += phases.knot_multiplier[:, 1]
+    forward = 1.0 * (modes == Mode.VELOCITY_UPPER) - (modes == Mode.VELOCITY_LOWER)
+    upper, lower = (np.sum(torque * (modes == mode), axis=0) for mode in (Mode.UPPER, Mode.LOWER))
+    return upper, lower, np.sum(speed * forward, axis=0)
 
 
 def _by_payload_mass(problem: MinimumTimeProblem, phases: Phases) -> float:

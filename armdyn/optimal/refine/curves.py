@@ -29,9 +29,9 @@ from armdyn.optimal.path_constraints.rows import intervals_of
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.path_constraints.torque_limits import RmsTorque
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.proof.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, ON_CURVE, certify
+from armdyn.optimal.proof.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, ON_CURVE
 from armdyn.optimal.proof.sensitivity import RATE_LIMITS, Share
-from armdyn.optimal.refine.optimum import Optimum, trajectory_cost
+from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.planned_paths import NO_PATH, paths_through, refined_paths
 from armdyn.optimal.refine.slowing import within_constraints
 from armdyn.optimal.search.candidates import SearchResult
@@ -317,20 +317,11 @@ def _landed(task: Task, refined: RefinedCurve) -> Optimum:
         curve = curve.slower(1 + more * (factor - 1))
         replay = follow(task, sampled(task, curve))
     curve, replay, reports = within_constraints(task, curve, replay, refined.spec.constraints)
-    replay = replace(replay, name="minimum time")
     result = refined.solved.result
     remark = ON_CURVE if refined.solved.converged else f"the curve did not converge ({result.message})"
     shares = _deciding(task, refined)
     decisive = {share.joint for share in shares if share.part > task.policy.curves.idle}
     idle = tuple(name for name in problem.robot.joint_names if shares and name not in decisive)
-    return Optimum(
-        trajectory=replay,
-        certificate=replace(certify(problem, replay, None, remark), idle=idle),
-        cost=trajectory_cost(replay, problem.effort_weights()),
-        intervals=curve.legs[0].basis.intervals,
-        iterations=refined.iterations,
-        reports=reports,
-        via_times=tuple(map(float, curve.passing)),
-        decides=shares,
-        calm=refined.calm,
-    )
+    passing, intervals = tuple(map(float, curve.passing)), curve.legs[0].basis.intervals
+    found = Optimum.of(problem, replay, intervals, None, remark, idle, reports=reports, via_times=passing)
+    return replace(found, iterations=refined.iterations, decides=shares, calm=refined.calm)

@@ -53,6 +53,7 @@ class Optimum:
         intervals: int,
         phases: Phases | None = None,
         remark: str = "",
+        idle: tuple[str, ...] | None = None,
         **more: Any,
     ) -> Self:
         """Make an optimum from a replay, with its certificate and its cost J.
@@ -63,10 +64,12 @@ class Optimum:
             intervals: number of intervals of its mesh.
             phases: solved arcs; None: not resolved.
             remark: reason for missing arcs.
+            idle: idle joints; None: those that the costates show.
             more: other attributes.
         """
         motion = replace(replay, name="minimum time")
         certificate = certify(problem, motion, phases, remark)
+        certificate = certificate if idle is None else replace(certificate, idle=idle)
         return cls(motion, certificate, trajectory_cost(motion, problem.effort_weights()), intervals, phases, **more)
 
     @property

@@ -4,7 +4,6 @@ Every joint moves as fast as its own limits of velocity, acceleration and jerk a
 slowest one: no motion within these limits is faster, whatever its torques.
 """
 
-from dataclasses import replace
 from itertools import pairwise
 from math import comb
 
@@ -56,9 +55,8 @@ def profiles(task: Task) -> tuple[list[Optimum], SearchResult]:
         target = curve.trajectory(problem.robot, _samples(task, curve), jumps=not problem.continuous_torque)
         replay = follow(task, target)
         reports = original.check(problem, replay, np.empty(0))
-        one = Optimum.of(problem, replay, len(curve.legs), None, ON_CURVE, reports=reports, decides=decides)
         idle = tuple(name for name in problem.robot.joint_names if name != decides[0].joint)
-        found = [replace(one, certificate=replace(one.certificate, idle=idle))]
+        found = [Optimum.of(problem, replay, len(curve.legs), None, ON_CURVE, idle, reports=reports, decides=decides)]
         if not reports.reasons:
             break
         constraints = constraints.tightened(problem, reports)

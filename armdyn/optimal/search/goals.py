@@ -17,6 +17,7 @@ from armdyn.optimal.flat.solve import solve_curve
 from armdyn.optimal.path_constraints.goal_region import GoalRegion
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import stopping
+from armdyn.optimal.search.multistart import grouped
 from armdyn.optimal.search.starts import spline, straight_curve
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.policy.search import GoalPolicy
@@ -41,11 +42,8 @@ def slid_goals(problem: MinimumTimeProblem, numbers: GoalPolicy) -> list[Array]:
     begin = problem.poses[-2]
     found = [slid_chain(problem.robot, [None, goal], [begin, q], problem.limits, numbers)[1] for q in problem.goals]
     found.sort(key=lambda q: _time([begin, q], speed, numbers))
-    kept: list[Array] = []
-    for q in found:
-        if all(np.max(np.abs(q - other)) > numbers.distinct for other in kept):
-            kept.append(q)
-    return kept[: numbers.slid]
+    groups = grouped(found, lambda q, other: float(np.max(np.abs(q - other))) <= numbers.distinct)
+    return [group[0] for group in groups][: numbers.slid]
 
 
 def slid_chain(
@@ -185,6 +183,10 @@ class _Screened:
     def result(self) -> GoalResult:
         return GoalResult(np.asarray(self.branch.q_goal), self.duration)
 
+    def apart(self, other: "_Screened") -> float:
+        """Largest difference of a joint's positions at two goals [rad or m]."""
+        return float(np.max(np.abs(self.result.q - other.result.q)))
+
     def rank(self) -> tuple[bool, float]:
         """Sort key: goals at which the arm can stay first, then by duration."""
         return self.branch.holding_deficit is not None, self.duration
@@ -223,7 +225,8 @@ def screened(task: Task) -> tuple[list[Task], list[GoalResult]]:
         sampled.sort(key=_Screened.rank)
         moved = sorted((_with_free_end(task, one, task.policy.curves.coarse) for one in sampled), key=_Screened.rank)
         held = [one for one in (moved[0], sampled[0], *moved[1:]) if one.branch.holding_deficit is None] or moved
-        best = _distinct_goals(held, numbers.distinct)[: numbers.solved]
+        groups = grouped(held, lambda one, other: one.apart(other) <= numbers.distinct)
+        best = [group[0] for group in groups][: numbers.solved]
         results = [one.result for one in best] + [one.result for one in moved if one not in best]
         best = [
             _with_free_end(task, one, task.policy.curves.intervals) if one is not sampled[0] else one for one in best
@@ -231,15 +234,6 @@ def screened(task: Task) -> tuple[list[Task], list[GoalResult]]:
     if stop.cut_short:
         whole.cut()
     return [one.under(task) for one in best], results
-
-
-def _distinct_goals(goals: Sequence[_Screened], distinct: float) -> list[_Screened]:
-    """Goals that differ by more than a distance [rad or m] in some joint from all goals before them."""
-    kept: list[_Screened] = []
-    for one in goals:
-        if all(np.max(np.abs(one.result.q - other.result.q)) > distinct for other in kept):
-            kept.append(one)
-    return kept
 
 
 def _solved_coarsely(task: Task) -> _Screened:
