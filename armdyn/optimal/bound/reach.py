@@ -24,27 +24,10 @@ from armdyn.arrays import Array, Flags
 from armdyn.optimal.bound.enclosure import terms_over
 from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.interval import TURN, Interval, down, up
-from armdyn.optimal.problem.profile import Profiles
 
 if TYPE_CHECKING:
     from armdyn.optimal.bound.cells import Cells
     from armdyn.optimal.bound.leg import BoundLeg
-
-
-_ROUNDED = 1e-12
-"""Part by which a time in closed form is reduced: its twenty operations err by 1e-15 each."""
-
-
-def least_times(way: Array, velocity: Array, acceleration: Array, jerk: Array) -> Array:
-    """Least times of single joints from rest to rest, with zero acceleration at both ends [s], rounded down.
-
-    Args:
-        way: distances [rad or m], shape (…, nv), not negative.
-        velocity: velocity limits [rad/s or m/s], shape (nv,); these and the others may be infinite.
-        acceleration: acceleration limits [rad/s² or m/s²], shape (nv,).
-        jerk: jerk limits [rad/s³ or m/s³], shape (nv,).
-    """
-    return Profiles.of(way, velocity, acceleration, jerk).durations * (1 - _ROUNDED)
 
 
 def least_time(starts: Interval, goals: Interval, velocity: Array, turning: Flags | None = None) -> Array:

@@ -72,29 +72,6 @@ def _refined(
     return _in_rounds(task, solved, tightening.spec if solved.in_steps else spec, enough, over)
 
 
-def refine_roughly(task: Task, guess: Curve) -> RefinedCurve | None:
-    """The curve of `refine_curve`, slowed down until it is within its limits; by steps without IPOPT.
-
-    Args:
-        task: the problem and its settings.
-        guess: initial guess.
-
-    Returns:
-        None if the steps do not converge, or torques stay too far beyond their limits between the points.
-    """
-    spec, curves = CurveSpec.of(task), task.policy.curves
-    tighten = Tightening(task, guess, spec, curves.small_excess)
-    solved = solve_curve(task, guess, spec, tighten=tighten, rough=True)
-    if not solved.in_steps:
-        return _in_rounds(task, solved, spec, curves.small_excess if can_be_slowed(task.problem) else 0.0)
-    over = tighten.over_at(solved.result.x) or excesses_of(task, solved.curve)
-    if not solved.converged or worst_excess(over) > curves.most_excess:
-        return None
-    curve, over = _within_limits(task, solved.curve, over, curves.most_excess)
-    reports = reports_on(task, curve, spec.constraints)
-    return RefinedCurve(curve, solved, tighten.spec, solved.result.iterations, worst_excess(over), reports)
-
-
 def calm_curve(task: Task, fastest: RefinedCurve, share: float) -> RefinedCurve:
     """Refine a fastest curve to the calm one: slower by a share, with the least joint travel and torque changes.
 

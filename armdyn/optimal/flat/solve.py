@@ -59,7 +59,7 @@ def solve_curve(
     spec: CurveSpec,
     near: Solved | None = None,
     tighten: Tighten | None = None,
-    rough: bool = False,
+    by_steps: bool = False,
 ) -> Solved:
     """Solve the program of curves from one guess.
 
@@ -69,7 +69,7 @@ def solve_curve(
         spec: requirements of the curve.
         near: result of a similar specification, for a warm start with its multipliers.
         tighten: see `SequenceSettings`, for programs solved by steps.
-        rough: do not fall back on IPOPT if steps do not converge.
+        by_steps: do not fall back on IPOPT if steps do not converge.
     """
     shape = curve_layout(task.problem, guess, spec.constraints)
     if task.problem.has_regions or spec.constraints.required_distances(task.problem) is not None:
@@ -85,7 +85,7 @@ def solve_curve(
         trust, most = numbers.trust if near is None else numbers.warm_trust, task.options.max_iterations
         steps = SequenceSettings(trust, numbers.enough, eager=near is None, tighten=tighten, most=most)
         found = solve_in_steps(task, guess, spec, steps, numbers)
-        if found.converged or task.stop or rough:
+        if found.converged or task.stop or by_steps:
             return found
         # With many torques at their limits throughout, first derivatives converge slowly.
     same = near is not None and not near.in_steps and (near.shape, near.rows) == (shape, rows)

@@ -17,7 +17,6 @@ from armdyn.optimal.flat.refinement import (
     RefinedCurve,
     calm_curve,
     refine_curve,
-    refine_roughly,
     refined_again,
     reports_on,
     sampled,
@@ -148,8 +147,8 @@ def _clear_of_obstacles(task: Task) -> list[RefinedCurve]:
     """The fastest curve without obstacles, if it keeps all clearances."""
     task.progress("the motion without obstacles")
     free = task.for_problem(task.problem.without_obstacles())
-    best, constraints = refine_roughly(free, _guesses(free, 1)[0]), TightenedConstraints.of(task)
-    if best is None:
+    best, constraints = refine_curve(free, _guesses(free, 1)[0], by_steps=True), TightenedConstraints.of(task)
+    if not best.solved.converged or best.excess > task.policy.curves.most_excess:
         return []
     reports = reports_on(task, best.curve, constraints)
     spec = replace(best.spec, constraints=constraints)

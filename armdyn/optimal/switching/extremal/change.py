@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
+from numpy.polynomial import legendre
 
 from armdyn.arrays import Array
 from armdyn.optimal.arcs.arc import Mode
@@ -62,22 +63,14 @@ class SingularControl:
             s: from 0 at the segment's start to 1 at its end, shape (samples,).
             signs: 1 for a joint on its upper limit, -1 on its lower one, else 0; shape (samples, nv).
         """
-        values, derivatives = _legendre(s, max([len(self.smooth), *(len(own) for _, own in self.jumps)]))
+        x, size = 2 * s - 1, max([len(self.smooth), *(len(own) for _, own in self.jumps)])
+        values = legendre.legvander(x, size - 1)
+        derivatives = legendre.legval(x, legendre.legder(np.eye(size), scl=2)).T
         parts = [(values[:, : len(self.smooth)], derivatives[:, : len(self.smooth)])]
         for joint, own in self.jumps:
             sign, size = signs[:, [joint]], len(own)
             parts.append((sign * values[:, :size], sign * derivatives[:, :size]))
         return np.hstack([own for own, _ in parts]), np.hstack([own for _, own in parts])
-
-
-def _legendre(s: Array, size: int) -> tuple[Array, Array]:
-    """Legendre polynomials over [0, 1] and their derivatives, each of shape (samples, size), by recurrence."""
-    x, values, derivatives = 2 * s - 1, np.zeros((size + 1, s.size)), np.zeros((size + 1, s.size))
-    values[0], values[1], derivatives[1] = 1.0, x, 2.0
-    for n in range(1, size):
-        values[n + 1] = ((2 * n + 1) * x * values[n] - n * values[n - 1]) / (n + 1)
-        derivatives[n + 1] = derivatives[n - 1] + 2 * (2 * n + 1) * values[n]
-    return values[:size].T, derivatives[:size].T
 
 
 @dataclass(frozen=True)
