@@ -181,12 +181,8 @@ _CHECKS = (
 
 def minimum_time_summary(solution: Solution) -> dict[str, object]:
     """A solution as JSON values: null where a number is not finite or no motion was found; units as in `Solution`."""
-    worst, certificate, near, by = (
-        solution.worst_violation,
-        solution.certificate,
-        solution.clearance,
-        solution.sensitivities(),
-    )
+    worst, near = solution.worst_violation, solution.clearance
+    certificate, by = solution.certificate, solution.sensitivities()
     return {
         "success": solution.success,
         "status": str(solution.status),

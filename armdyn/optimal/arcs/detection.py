@@ -70,10 +70,9 @@ def detect(
         contact = touching[:-1] | touching[1:] | (near[:-1] & near[1:])  # one end marks where contact begins or ends
         above = bounds[1] - middle.q[:, i] < middle.q[:, i] - bounds[0]
         fast = slow > limits.velocity[i] * (1 - numbers.near_speed)
-        modes = [
-            _torque_mode(level[k, i], numbers.near) or _state_mode(fast[k], middle.v[k, i], contact[k], above[k])
-            for k in range(intervals)
-        ]
+        sides = level[:, i] > 1 - numbers.near, level[:, i] < numbers.near - 1
+        active = (*sides, fast & (middle.v[:, i] > 0), fast, contact & above, contact)
+        modes = [Mode(name) for name in np.select(active, (*BANG, *VELOCITY, *POSITION), Mode.FREE)]
         if limits.passive[i]:
             modes = [Mode.PASSIVE] * intervals
         modes = _without_brief(modes, mesh, brief)
@@ -88,20 +87,6 @@ def detect(
             side = Mode.POSITION_UPPER if at_knots.q[k, i] > np.mean(bounds) else Mode.POSITION_LOWER
             events.append(Event(float(knots[k]), i, side, touch=True))
     return arcs_between(first, events, duration)
-
-
-def _torque_mode(level: float, near: float) -> Mode | None:
-    if level > 1 - near:
-        return Mode.UPPER
-    return Mode.LOWER if level < -1 + near else None
-
-
-def _state_mode(fast: bool, v: float, contact: bool, above: bool) -> Mode:
-    if fast:
-        return Mode.VELOCITY_UPPER if v > 0 else Mode.VELOCITY_LOWER
-    if contact:
-        return Mode.POSITION_UPPER if above else Mode.POSITION_LOWER
-    return Mode.FREE
 
 
 def _without_bounces(modes: Sequence[Mode]) -> list[Mode]:

@@ -121,9 +121,7 @@ def _bounded(
     """The bound of a chain, given the indices of the via points that are its places, problem by problem."""
     runs = _runs(problems, via, stops, policy)
     found = [run.least for run in runs]
-    order = sorted(
-        range(len(runs)), key=lambda k: len(runs[k].legs)
-    )  # point to point first: they leave others less time
+    order = sorted(range(len(runs)), key=lambda k: len(runs[k].legs))  # point to point first: less time is left
     for done, k in enumerate(order):
         effort.others = sum_down([one.duration for j, one in enumerate(found) if j != k])
         with effort.shared(len(runs) - done):

@@ -99,11 +99,8 @@ class EnclosedFunction:
         count, rows, out_rows = function.n_instructions(), function.sparsity_in(0).row(), function.sparsity_out(0).row()
         steps, values = np.zeros((count, 4), dtype=np.int32), np.zeros(count)
         for k in range(count):
-            code, sources, into = (
-                function.instruction_id(k),
-                function.instruction_input(k),
-                function.instruction_output(k),
-            )
+            code, sources = function.instruction_id(k), function.instruction_input(k)
+            into = function.instruction_output(k)
             if code not in _OPERATIONS:
                 raise BridgeError(f"{function} has an operation (code {code}) that is not known in intervals")
             if code == ca.OP_INPUT:

@@ -255,10 +255,8 @@ def narrowed(boxes: Interval, forms: Affine, numbers: BoundPolicy) -> tuple[Inte
     for _ in range(numbers.narrowings):
         ends = row * lower[:, None], row * upper[:, None]
         least, most = np.minimum(*ends), np.maximum(*ends)
-        low, high = (
-            (-value - remainder - np.sum(most, axis=2))[..., None],
-            (remainder - value - np.sum(least, axis=2))[..., None],
-        )
+        low = (-value - remainder - np.sum(most, axis=2))[..., None]
+        high = (remainder - value - np.sum(least, axis=2))[..., None]
         possible &= ~np.any((low > 0) | (high < 0), axis=(1, 2))
         first, last = (low + most) / safe, (high + least) / safe
         away = 1e-12 * (1 + np.maximum(np.abs(first), np.abs(last)))  # for the rounding of sum and quotient

@@ -142,10 +142,8 @@ def _rows(leg: BoundLeg, cells: Cells, held: Interval, rate: Interval) -> _Rows:
     """Rows of a momentum M v, with M of each cell, shape (cells, nv, nv), and bounds of its rate."""
     inertia, half = held.centre, cells.lengths[cells.fixed, None] / 2
     scale = np.abs(inertia[0]) @ leg.velocity
-    moved, scaled = (
-        inertia[cells.fixed] * leg.velocity / scale[:, None],
-        Interval(rate.lower / scale, rate.upper / scale),
-    )
+    moved = inertia[cells.fixed] * leg.velocity / scale[:, None]
+    scaled = Interval(rate.lower / scale, rate.upper / scale)
     change, given = np.zeros((2, len(half) + 1, scale.size)), np.zeros((len(half) + 1, scale.size))
     for bound, force in zip(change, (scaled.lower, scaled.upper), strict=True):
         bound[:-1] += half * force[cells.fixed]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -120,9 +121,21 @@ def deciding(problem: MinimumTimeProblem, phases: Phases, least: float) -> tuple
     upper, lower, velocity = by_limits(phases)
     torque = -(upper * limits.actuators.upper + lower * limits.actuators.lower) / phases.duration
     speed = -velocity * np.where(velocity == 0, 0.0, limits.velocity) / phases.duration
-    shares = [Share("torque limit", name, float(part)) for name, part in zip(names, torque, strict=True)]
-    shares += [Share("velocity limit", name, float(part)) for name, part in zip(names, speed, strict=True)]
-    return tuple(sorted((one for one in shares if one.part > least), key=lambda one: -one.part))
+    return shares_of({"torque limit": torque, "velocity limit": speed}, names, least)
+
+
+def shares_of(parts: Mapping[str, Array], joints: Sequence[str], least: float) -> tuple[Share, ...]:
+    """Shares, largest first.
+
+    Args:
+        parts: share of every joint's limit by the limit's name, each of shape (joints,).
+        joints: names of the joints.
+        least: least share.
+    """
+    each = (
+        (limit, joint, float(part)) for limit, own in parts.items() for joint, part in zip(joints, own, strict=True)
+    )
+    return tuple(sorted((Share(*one) for one in each if one[2] > least), key=lambda share: -share.part))
 
 
 def end_gradient(robot: Robot, goal: GoalPose, q: Array, phases: Phases) -> Array:

@@ -29,7 +29,7 @@ from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.path_constraints.torque_limits import RmsTorque
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, ON_CURVE
-from armdyn.optimal.proof.sensitivity import RATE_LIMITS, Share
+from armdyn.optimal.proof.sensitivity import RATE_LIMITS, Share, shares_of
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.planned_paths import NO_PATH, paths_through, refined_paths
 from armdyn.optimal.refine.slowing import within_constraints
@@ -258,8 +258,7 @@ def _deciding(task: Task, refined: RefinedCurve) -> tuple[Share, ...]:
     problem, solved, shape = task.problem, refined.solved, refined.solved.shape
     if problem.pays_effort or not solved.converged:
         return ()
-    names, by_joint = problem.robot.joint_names, dict[str, Array]()
-    half = problem.limits.actuators.half_range
+    by_joint, half = dict[str, Array](), problem.limits.actuators.half_range
     for leg in shape.legs:
         torques, multiplier = shape.torques(leg), solved.result.lam_x[shape.torques(leg)]
         size = np.where(multiplier > 0, problem.limits.actuators.upper, problem.limits.actuators.lower) / half
@@ -272,14 +271,7 @@ def _deciding(task: Task, refined: RefinedCurve) -> tuple[Share, ...]:
             parts[RATE_LIMITS[order]] = np.sum(np.abs(solved.result.lam_g[rates]) * solved.limits[rates], axis=0)
         for limit, part in parts.items():
             by_joint[limit] = by_joint.get(limit, 0.0) + part * solved.guessed / solved.curve.duration
-    by_joint |= _heating(task, refined)
-    shares = [
-        Share(limit, name, float(part))
-        for limit, parts in by_joint.items()
-        for name, part in zip(names, parts, strict=True)
-        if part > task.policy.curves.least_share
-    ]
-    return tuple(sorted(shares, key=lambda share: -share.part))
+    return shares_of(by_joint | _heating(task, refined), problem.robot.joint_names, task.policy.curves.least_share)
 
 
 def _heating(task: Task, refined: RefinedCurve) -> dict[str, Array]:

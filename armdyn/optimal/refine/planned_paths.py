@@ -8,11 +8,11 @@ from functools import partial
 from itertools import islice
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from armdyn.arguments import whole
 from armdyn.arrays import Array
+from armdyn.dynamics.numeric import joint_inertia
 from armdyn.errors import ProblemError
 from armdyn.models.scene.reaching import slid
 from armdyn.optimal.flat.basis import Basis, graded
@@ -108,9 +108,14 @@ def _line(problem: MinimumTimeProblem, leg: int) -> Array:
     return np.asarray(path)
 
 
+def _times(paths: LegPaths, speed: Array) -> list[float]:
+    """Times of the legs at joint speeds, shape (nv,) [rad/s or m/s]."""
+    return [float(np.sum(np.max(np.abs(np.diff(path, axis=0)) / speed, axis=1))) for path in paths]
+
+
 def _seconds(paths: LegPaths, speed: Array) -> float:
     """Time of a path at joint speeds, shape (nv,) [rad/s or m/s]."""
-    return float(sum(np.sum(np.max(np.abs(np.diff(path, axis=0)) / speed, axis=1)) for path in paths))
+    return sum(_times(paths, speed))
 
 
 def _speed(problem: MinimumTimeProblem, policy: SearchPolicy) -> Array:
@@ -163,7 +168,7 @@ def _guesses(task: Task, planned: Iterator[LegPaths]) -> Iterator[Curve]:
 def _guess(task: Task, paths: LegPaths) -> Curve:
     """A curve along a path, slow enough for the torques where these shape the motion."""
     problem, speed = task.problem, _speed(task.problem, task.policy.search)
-    times = [float(np.sum(np.max(np.abs(np.diff(path, axis=0)) / speed, axis=1))) for path in paths]
+    times = _times(paths, speed)
     durations = task.policy.curves.slack * np.maximum(times, _ramp_times(problem) if problem.has_regions else 0.0)
     curve = Curve.along(paths, _bases(task, durations), durations, speed, flying=problem.has_regions)
     if task.policy.curves.cruises:
@@ -174,9 +179,7 @@ def _guess(task: Task, paths: LegPaths) -> Curve:
 
 def _ramp_times(problem: MinimumTimeProblem) -> Array:
     """Times in which the slowest joint, alone and from rest, accelerates over each leg [s], shape (legs,)."""
-    robot, data = problem.robot, problem.robot.model.createData()
-    inertia = np.diag(pin.crba(robot.model, data, robot.configuration(problem.poses[0])))
-    travel = np.abs(np.diff(problem.poses, axis=0))
+    inertia, travel = np.diag(joint_inertia(problem.robot)(problem.poses[0])), np.abs(np.diff(problem.poses, axis=0))
     return np.asarray(np.max(np.sqrt(2 * travel * inertia / problem.limits.actuators.half_range), axis=1))
 
 

@@ -18,7 +18,7 @@ from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.profile import Profiles
 from armdyn.optimal.proof.certificate import ON_CURVE
-from armdyn.optimal.proof.sensitivity import RATE_LIMITS, Share
+from armdyn.optimal.proof.sensitivity import RATE_LIMITS, Share, shares_of
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import SearchResult
 from armdyn.optimal.task.task import Task
@@ -141,9 +141,9 @@ def _deciding(problem: MinimumTimeProblem, constraints: TightenedConstraints) ->
     way, limits = np.abs(problem.poses[-1] - problem.poses[0]), _limits(problem, constraints)
     times = Profiles.of(way, *limits).durations
     joint = int(np.argmax(times))
-    name, shares = problem.robot.joint_names[joint], list[Share]()
+    parts = {}
     for order, limit in RATE_LIMITS.items():
         velocity, acceleration, jerk = (each * (1 + _STEP * (order == k)) for k, each in enumerate(limits, start=1))
-        part = (1 - Profiles.of(way, velocity, acceleration, jerk).durations[joint] / times[joint]) / _STEP
-        shares.append(Share(limit, name, float(part)))
-    return tuple(sorted((share for share in shares if share.part > _STEP), key=lambda share: -share.part))
+        changed = Profiles.of(way, velocity, acceleration, jerk).durations
+        parts[limit] = (1 - changed[[joint]] / times[joint]) / _STEP
+    return shares_of(parts, (problem.robot.joint_names[joint],), _STEP)

@@ -8,6 +8,7 @@ import pinocchio as pin
 from scipy.interpolate import BPoly
 
 from armdyn.arrays import Array
+from armdyn.dynamics.numeric import joint_inertia
 from armdyn.models.reading.urdf_arm import configurations
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
@@ -52,23 +53,14 @@ def via_guesses(
     vias = middle + spread * random.normal(size=size) * reach
     if turn:
         vias += random.uniform(-turn, turn, size)
-    vias = np.clip(vias, lower, upper)
-    vias = (
-        [_through(problem, via, int(random.integers(len(problem.via) + 1))) for via in vias]
-        if problem.via
-        else [[via] for via in vias]
-    )
-    if not problem.via:
-        to_and_fro = swing_up_guesses(problem, random, (count - 1) // 2, policy.swing_ups, policy.swing_up_distance)
-        vias[1 : 2 * len(to_and_fro) : 2] = to_and_fro
-    straight = list(problem.poses[1:-1])
-    return [straight, *vias]
-
-
-def _through(problem: MinimumTimeProblem, pose: Array, leg: int) -> list[Array]:
-    """The via points with a further pose on a leg."""
-    ways = list(problem.poses[1:-1])
-    return [*ways[:leg], pose, *ways[leg:]]
+    vias, straight = np.clip(vias, lower, upper), list(problem.poses[1:-1])
+    if problem.via:  # a further pose on one of the legs
+        legs = [int(random.integers(len(straight) + 1)) for _ in vias]
+        return [straight, *([*straight[:leg], via, *straight[leg:]] for leg, via in zip(legs, vias, strict=True))]
+    to_and_fro = swing_up_guesses(problem, random, (count - 1) // 2, policy.swing_ups, policy.swing_up_distance)
+    through = [[via] for via in vias]
+    through[1 : 2 * len(to_and_fro) : 2] = to_and_fro
+    return [straight, *through]
 
 
 def _path(problem: MinimumTimeProblem, way: list[Array], samples: int) -> Path:
@@ -191,8 +183,7 @@ def _fitting_durations(problem: MinimumTimeProblem, paths: Sequence[Path], dq: A
 
 def _stopping_time(problem: MinimumTimeProblem) -> float:
     """Time [s] in which torques of half their ranges change the velocity, each joint alone, at the start."""
-    robot, motors = problem.robot, ~problem.limits.passive
-    inertia = np.diag(pin.crba(robot.model, robot.model.createData(), robot.configuration(problem.poses[0])))
+    motors, inertia = ~problem.limits.passive, np.diag(joint_inertia(problem.robot)(problem.poses[0]))
     change = np.abs(np.asarray(problem.v_goal) - np.asarray(problem.v_start))
     times = change[motors] * inertia[motors] / problem.limits.actuators.half_range[motors]
     return float(np.max(times))

@@ -170,13 +170,8 @@ class Stagewise:
         lower, upper = data.x_bounds
         if middles is not None:
             lower, upper = np.append(lower, middles[0].T), np.append(upper, middles[1].T)
-        slacks = len(lower) - size
-        w, z, lam, count = (
-            np.append(x, np.zeros(slacks)),
-            np.zeros(size + slacks),
-            np.zeros(rows + slacks),
-            ctypes.c_int(),
-        )
+        slacks, count = len(lower) - size, ctypes.c_int()
+        w, z, lam = np.append(x, np.zeros(slacks)), np.zeros(size + slacks), np.zeros(rows + slacks)
         given = [np.ascontiguousarray(numbers, dtype=float) for numbers in (data.p, lower, upper)]
         raised: list[BaseException] = []
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal, Self
 
 import numpy as np
-import pinocchio as pin
 
+from armdyn.dynamics.numeric import joint_inertia
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.bound import BoundPolicy
@@ -73,14 +73,13 @@ def is_speed_limited(problem: MinimumTimeProblem) -> bool:
     Args:
         problem: the problem.
     """
-    ways, limits, robot = np.abs(np.diff(problem.poses, axis=0)), problem.limits, problem.robot
+    ways, limits = np.abs(np.diff(problem.poses, axis=0)), problem.limits
     times = ways / limits.velocity
     leg, j = np.unravel_index(int(np.argmax(times)), times.shape)
     if times[leg, j] == 0:
         return False
-    inertia = pin.crba(robot.model, robot.model.createData(), robot.configuration(problem.poses[leg]))[j, j]
-    torque = limits.actuators.half_range[j]
-    return bool(limits.velocity[j] ** 2 * inertia <= ways[leg, j] * torque)
+    inertia = joint_inertia(problem.robot)(problem.poses[leg])[j, j]
+    return bool(limits.velocity[j] ** 2 * inertia <= ways[leg, j] * limits.actuators.half_range[j])
 
 
 @dataclass(frozen=True, kw_only=True)
