@@ -263,7 +263,7 @@ def a_torque_that_hovers():
     task = noted(between("rr"))
     solution = solve_task(task)
     structure = SwitchingStructure.of(solution.phases.arcs, solution.phases.torques)
-    found = fastest(shooting_problem(task, solution.trajectory), structure)
+    found, _ = fastest(shooting_problem(task, solution.trajectory), structure)
     change, time = found.structure.changes[0], float(found.structure.times[0])
     with_singular(found, [WrongSign(1e-3, change.joint, Mode.UPPER, time, time, time)])
 
