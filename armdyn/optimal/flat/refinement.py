@@ -16,12 +16,6 @@ from armdyn.optimal.task.policy.curves import SequentialPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
-_SLOWER = 0.6
-"""Multiple of an excess, as a part of half a range, by which a curve is slowed down: half of it suffices for a torque
-without gravity."""
-_PACES = 3
-"""Rounds of slowing down: the first is exact except for friction, which the next evaluates at the new pace."""
-
 
 @dataclass(frozen=True, eq=False)
 class RefinedCurve:
@@ -166,10 +160,11 @@ def _within_limits(
     """
     curve = _slowed(task, fast)
     over = over if curve is fast else excesses_of(task, curve)
-    for _ in range(_PACES):  # excesses between samples
+    numbers = task.policy.curves
+    for _ in range(numbers.paces):  # excesses between samples
         if not 0 < worst_excess(over) <= most:
             break
-        curve = curve.slower(1 + _SLOWER * worst_excess(over))
+        curve = curve.slower(1 + numbers.slower * worst_excess(over))
         over = excesses_of(task, curve)
     return curve, over
 
@@ -271,7 +266,7 @@ def sampled(task: Task, curve: Curve, times: int = 1) -> Trajectory:
 def _slowed(task: Task, curve: Curve) -> Curve:
     """The same path, slowed down until torques and speeds are within their limits; unchanged if no pace is."""
     exact = task.problem.limits.actuators.constant and not task.problem.robot.friction.present
-    for _ in range(_PACES):
+    for _ in range(task.policy.curves.paces):
         factor = least_factor(task.problem.robot, task.problem.limits, sampled(task, curve))
         if factor == 1 or not np.isfinite(factor):
             break

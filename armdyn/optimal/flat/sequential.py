@@ -23,9 +23,6 @@ Tighten = Callable[[Array, Array], tuple[Array, Array] | None]
 """Maps unknowns and their curve's torques, as parts of half the range, shape (points, joints), to lower and upper
 bounds of the torques; None: unchanged bounds."""
 
-_WITHIN = 0.9
-"""Part of a trust region's radius within which the region does not restrict a step."""
-
 
 @dataclass(frozen=True, eq=False)
 class _Iterate:
@@ -193,11 +190,11 @@ class Sequential:
         A convex program's optimum is convex in its bounds: moving them lowers it by no more than their multipliers
         predict.
         """
-        free = self.problem.place >= 0
+        free, least = self.problem.place >= 0, self.policy.unrestricted * self._radius
         change = np.abs(taken.x - at.x)
-        if np.max(change[free]) < _WITHIN * self._radius:
+        if np.max(change[free]) < least:
             return True
-        held = free & (change > _WITHIN * self._radius)
+        held = free & (change > least)
         return bool(self._radius * np.sum(np.abs(step.bounds[held])) < self.policy.predicted * merit)
 
     def _kept(self, at: _Iterate) -> bool:

@@ -15,6 +15,7 @@ from armdyn.dynamics.motion import Collocation, replayed
 from armdyn.errors import TrajectoryError
 from armdyn.models.robots.loads import robots_of
 from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.optimal.task.policy.refinement import AdjointPolicy
 from armdyn.optimal.task.tableau import GAUSS_3
 from armdyn.optimal.task.task import Task
 from armdyn.reprs import joints_of
@@ -127,10 +128,6 @@ _MOST_NEWTON = 12
 """Largest number of Newton steps: smooth motions take two or three; Coulomb friction in a segment takes more."""
 _MOST_PARTS = 256
 """Steps of order six in a segment if fewer steps, or one step and the motion's own end, disagree."""
-_LEVELS = 5
-"""Largest number of extrapolations of a segment's derivative: smooth motions take three or four."""
-_MOST_ROUGH = 2000
-"""Largest number of segments that may need more: five times the usual number of segments."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,7 +193,7 @@ class Segments:
 
 
 def transitions(
-    robot: Robot, h: Array, x: Array, tau: Array, precise: float, size: Array, deepest: int = 12
+    robot: Robot, h: Array, x: Array, tau: Array, numbers: AdjointPolicy, size: Array, deepest: int = 12
 ) -> Array | None:
     """State transition matrices of segments: ∂(end state)/∂(start state), shape (K, 2 nv, 2 nv).
 
@@ -209,7 +206,7 @@ def transitions(
         h: lengths of the segments [s], shape (K,).
         x: start states, shape (K, 2 nv).
         tau: torques at start and end [N m or N], shape (K, 2, nv).
-        precise: largest difference of entries, scaled by `size`.
+        numbers: largest difference of entries, scaled by `size`; number of extrapolations.
         size: scales of the states, shape (2 nv,).
         deepest: largest number of halvings.
 
@@ -218,23 +215,23 @@ def transitions(
     """
     step, found, left = gauss_steps(robot), np.empty((h.size, size.size, size.size)), np.arange(h.size)
     table = list[Array]()
-    for level in range(_LEVELS):
+    for level in range(numbers.levels):
         _, whole, _ = step(h[left], x[left], tau[left], 2**level)
         row = [whole]
         for k, before in enumerate(table):
             row.append(row[-1] + (row[-1] - before) / (2.0 ** (k + 2) - 1))  # errors of order 2, 3, 4 …
         apart = np.abs(row[-1] - row[-2]) * (size / size[:, None]) if table else np.full(whole.shape, np.inf)
-        found[left], rough = row[-1], ~(np.max(apart, axis=(1, 2)) <= precise)
+        found[left], rough = row[-1], ~(np.max(apart, axis=(1, 2)) <= numbers.precise)
         left, table = left[rough], [each[rough] for each in row]
         if not left.size:
             return found
-    if not deepest or left.size > _MOST_ROUGH:
+    if not deepest or left.size > numbers.most_rough:
         return None
     half, middle = h[left] / 2, np.mean(tau[left], axis=1)
     sides = np.stack([tau[left, 0], middle], axis=1), np.stack([middle, tau[left, 1]], axis=1)
-    between = step(half, x[left], sides[0], 2**_LEVELS)[0]
+    between = step(half, x[left], sides[0], 2**numbers.levels)[0]
     starts, torques = np.concatenate([x[left], between]), np.concatenate(sides)
-    halves = transitions(robot, np.tile(half, 2), starts, torques, precise, size, deepest - 1)
+    halves = transitions(robot, np.tile(half, 2), starts, torques, numbers, size, deepest - 1)
     if halves is None:
         return None
     found[left] = halves[left.size :] @ halves[: left.size]

@@ -37,32 +37,29 @@ from armdyn.trajectory import Trajectory
 
 _SHORTEST = 1e-3
 """Least duration of a guess [s]."""
-_WITHIN = 0.7
-"""Part of the torques that a guess uses for its accelerations, by the inertia at its start."""
 
 
-def direct(mesh: Places, ends: Ends, limits: JointLimits, inertia: Array) -> tuple[Array, float]:
+def direct(program: StepProgram, ends: Ends, inertia: Array) -> tuple[Array, float]:
     """Cubic polynomials from the start state to rest, in the time of the slowest joint alone.
 
     Each joint is a double integrator: full acceleration, velocity limit, full deceleration.
 
     Args:
-        mesh: mesh of the curve.
+        program: program with mesh and limits.
         ends: start state and goal.
-        limits: limits of velocities and torques.
         inertia: inertia of each joint at the start [kg m² or kg], shape (nv,).
 
     Returns:
         Control points and duration.
     """
-    way, a = ends.goal - ends.q, _WITHIN * limits.actuators.half_range / inertia
+    way, a = ends.goal - ends.q, program.policy.guess_torque * program.half / inertia
     turn = np.where(way < ends.v * np.abs(ends.v) / (2 * a), -1.0, 1.0)
-    way, v, fastest = turn * way, turn * ends.v, limits.velocity
+    way, v, fastest = turn * way, turn * ends.v, program.limits.velocity
     peak = np.sqrt(np.maximum(a * way + v**2 / 2, 0))
     top = np.minimum(peak, fastest)
     cruise = np.maximum(way - (2 * top**2 - v**2) / (2 * a), 0) / fastest
     duration = float(max(np.max((2 * top - v) / a + cruise), _SHORTEST))
-    r = mesh.basis.places[:, None]
+    r = program.mesh.basis.places[:, None]
     lead, blend = (r**3 - 2 * r**2 + r) * ends.v * duration, _blend(r)
     return ends.q + lead + blend * (ends.goal - ends.q), duration
 
@@ -252,9 +249,9 @@ class Resolver:
         self, arm: LimitedArm, ends: Ends, inertia: Array, until: float
     ) -> tuple[Improved | None, Guess, int]:
         """The best motion to the goal, the last curve, and the number of steps."""
-        mesh, limits = arm.program.mesh, arm.program.limits
+        mesh = arm.program.mesh
         none = TorqueMargin(*np.zeros((2, mesh.places.size, ends.q.size)))
-        guesses = [(*direct(mesh, ends, limits, inertia), none)]
+        guesses = [(*direct(arm.program, ends, inertia), none)]
         if self._last is not None:
             passed, end = self._last.passed(ends.q, ends.v), float(self._last.motion.t[-1])
             positions = self._last.motion(passed + (end - passed) * mesh.basis.places).q

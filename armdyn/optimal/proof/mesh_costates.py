@@ -70,7 +70,7 @@ def mesh_costates(
     size, h, t = motion.size, np.diff(motion.t), motion.t
     at, held = replay(np.append(t[:-1], (t[:-1] + t[1:]) / 2)), np.tile(motion.tau, (2, 1))
     halves, x = np.tile(h / 2, 2), np.concatenate([at.q, at.v], axis=1)
-    steps = transitions(robot, halves, x, np.stack([held, held], axis=1), policy.adjoint.precise, size)
+    steps = transitions(robot, halves, x, np.stack([held, held], axis=1), policy.adjoint, size)
     if steps is None:
         return None
     steps = steps.swapaxes(1, 2) * size[:, None] / size

@@ -152,9 +152,9 @@ def adjoint_error(robot: Robot, replay: Trajectory, phases: Phases, numbers: Adj
     a = forward_dynamics(robot)(motion.q, motion.v, motion.tau)
     peaks = [np.max(np.abs(each), axis=0) for each in (motion.v, a)]
     size = np.concatenate([np.maximum(each, numbers.least_speed * np.max(each)) for each in peaks])
-    precise = numbers.precise / max(float(np.max(np.abs(phases.costate * size))), 1.0)
+    numbers = replace(numbers, precise=numbers.precise / max(float(np.max(np.abs(phases.costate * size))), 1.0))
     x, tau = np.concatenate([motion.q, motion.v], axis=1), np.stack([motion.tau[:-1], motion.tau_end], axis=1)
-    steps = transitions(robot, np.diff(t), x[:-1], tau, precise, size)
+    steps = transitions(robot, np.diff(t), x[:-1], tau, numbers, size)
     if steps is None:
         return float("inf")
     place, own = np.searchsorted(t, np.minimum(phases.t, t[-1])), size.size

@@ -18,9 +18,6 @@ from armdyn.optimal.task.tableau import DynamicsForm
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
-_ROUGH = 1e-6
-"""Relative tolerance of the replays of coarse motions, which miss the goal by a fifth of a joint's way or do not."""
-
 
 @dataclass(frozen=True, eq=False)
 class SearchResult:
@@ -77,7 +74,9 @@ def find(task: Task) -> SearchResult:
         iterations, (mesh, meshes, share) = iterations + refined.iterations, finer
         # Meshes err for heavy arms, whose optima are near the straight path.
         near = replace(task, policy=task.policy.changed("search", spread=1.0, uniform_spread=0.0))
-        least = numbers.least_repeated[at_speed(task, refined.attempts[0].trajectory)]
+        least = numbers.least_repeated
+        if at_speed(task, refined.attempts[0].trajectory):
+            least = numbers.least_repeated_at_speed
         several = min(count, max(count // share, least))
         prepare_quickly(task, mesh, task.fine())
         with near.with_options(intervals=mesh).pooled(has_stagewise(near)) as near:
@@ -175,9 +174,9 @@ def at_speed(task: Task, motion: Trajectory) -> bool:
 
 def _misses_goal(task: Task, attempt: Attempt) -> bool:
     """Whether the replay of the mesh's torques ends at a different pose."""
-    problem, motion = task.problem, attempt.trajectory
-    missed = np.abs(problem.goal_error_of(replay_of(task, motion, _ROUGH))[: problem.robot.nv])
-    return not np.max(missed) <= task.policy.search.replay_miss * np.max(np.ptp(motion.q, axis=0))
+    problem, motion, numbers = task.problem, attempt.trajectory, task.policy.search
+    missed = np.abs(problem.goal_error_of(replay_of(task, motion, numbers.rough_replay))[: problem.robot.nv])
+    return not np.max(missed) <= numbers.replay_miss * np.max(np.ptp(motion.q, axis=0))
 
 
 def _without_search(task: Task, failed: list[Attempt]) -> list[Attempt]:

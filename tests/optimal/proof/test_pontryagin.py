@@ -134,7 +134,9 @@ def test_transitions_are_those_of_differences(friction):
     acceleration, n, k = forward_dynamics(robot), robot.nv, 3
     h, x = replay.t[k + 1] - replay.t[k], np.concatenate([replay.q[k], replay.v[k]])
     first, last = replay.tau[k], replay.tau_end[k]
-    found = transitions(robot, np.array([h]), x[None], np.array([[first, last]]), 1e-9, np.ones(2 * n))
+    found = transitions(
+        robot, np.array([h]), x[None], np.array([[first, last]]), AdjointPolicy(precise=1e-9), np.ones(2 * n)
+    )
 
     def rate(time, x):
         return np.concatenate([x[n:], acceleration(x[:n], x[n:], first + time / h * (last - first))])
@@ -155,7 +157,8 @@ def test_transitions_are_those_of_an_adaptive_integrator():
     motion, n = ad.replay_torques(robot, dense(solution.trajectory, 400)), robot.nv
     last, size = int(np.searchsorted(motion.t, solution.phases.t[1])), np.repeat([10.0, 1e3], n)
     x, tau = np.concatenate([motion.q, motion.v], axis=1), np.stack([motion.tau[:-1], motion.tau_end], axis=1)
-    found = transitions(robot, np.diff(motion.t)[:last], x[:last], tau[:last], 1e-9, size)
+    finely = AdjointPolicy(precise=1e-9)
+    found = transitions(robot, np.diff(motion.t)[:last], x[:last], tau[:last], finely, size)
     derivatives, acceleration = forward_dynamics_derivatives(robot), forward_dynamics(robot)
     whole, expected, state = np.eye(2 * n), np.eye(2 * n), x[0]
     for k in range(last):
@@ -173,4 +176,5 @@ def test_transitions_are_those_of_an_adaptive_integrator():
         state, expected, whole = end[: 2 * n], end[2 * n :].reshape(2 * n, -1), found[k] @ whole
     scale = size / size[:, None]
     np.testing.assert_allclose(whole * scale, expected * scale, atol=1e-7)  # of some tens of segments
-    assert transitions(robot, np.diff(motion.t)[:1], x[:1], tau[:1], -1.0, size) is None  # not attainable
+    finely = AdjointPolicy(precise=-1.0)  # not attainable
+    assert transitions(robot, np.diff(motion.t)[:1], x[:1], tau[:1], finely, size) is None

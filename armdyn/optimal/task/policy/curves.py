@@ -142,6 +142,15 @@ class CurvePolicy:
         "is slowed down: arms that took 1.1 to 3.7 times as long take 1.0 to 1.6 times",
         "UR5, xArm7, random arms (RRR)",
     )
+    slower: float = tuned(
+        0.6,
+        "of an excess",
+        "by which a curve is slowed down: half suffices for a torque without gravity",
+        "by definition",
+    )
+    paces: int = tuned(
+        3, "rounds", "of slowing down: the first is exact but for friction, which the next evaluates at the new pace"
+    )
     slowing_factor: float = tuned(
         2.0, "-", "multiplies the slowing that the limits require: the next replay's error is elsewhere", "xArm6"
     )
@@ -220,6 +229,9 @@ class SequentialPolicy:
     )
     fine_trust: float = tuned(0.1, "rad or m", "first radius if the curve has moved little", PLANNED)
     warm_trust: float = tuned(0.02, "rad or m", "first radius if the constraints have changed little", PLANNED)
+    unrestricted: float = tuned(
+        0.9, "of the radius", "a step within this is not restricted by the region", "by definition"
+    )
     least_trust: float = tuned(1e-4, "rad or m", "radius below which no step is tried", PLANNED)
     slower: float = tuned(0.5, "of a duration", "largest increase in a step", PLANNED)
     faster: float = tuned(0.25, "of a duration", "largest decrease in a step", PLANNED)

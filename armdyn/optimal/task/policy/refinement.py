@@ -276,6 +276,8 @@ class AdjointPolicy:
         "changes the costates' error by 4e-7 at most, less than a hundredth of its tolerance",
         "R, RR, RRR, three random RRR",
     )
+    levels: int = tuned(5, "extrapolations", "of a segment's derivative, at most: smooth motions take three or four")
+    most_rough: int = tuned(2000, "segments", "that may need more: five times the usual number of segments")
     least_speed: float = tuned(1e-9, "of the fastest joint", "least speed of a joint in scales")
 
 
