@@ -22,6 +22,7 @@ from armdyn.optimal.minimum_time import solve_task
 from armdyn.optimal.path_constraints.frame_limits import FrameRegion
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.status import Stop
+from armdyn.optimal.proof.pontryagin import adjoint_error
 from armdyn.optimal.refine.curves import _guesses, curves
 from armdyn.optimal.search.goals import screened
 from armdyn.optimal.search.multistart import in_batches
@@ -170,6 +171,11 @@ SOLVES = {
     "contacts that are too weak": lambda: noted(random_problem(68), starts=40),
     "an extremal that is as flat as can be": lambda: noted(between("rr"), [("descent", {"flat": 0.0})], starts=1),
     "a search that is done again": lambda: noted(between("rr"), [("search", {"too_coarse": 0.5})], starts=2),
+    "a search at a velocity limit that is done again": lambda: noted(
+        between("rr", velocity_limit=8.0),
+        [ARCS, ("search", {"too_coarse": 0.5}), ("switching", {"rounds": 0})],
+        starts=2,
+    ),
     "a ball in the way, with steps that are not taken at once": lambda: noted(
         between("rr", obstacles=[ad.Sphere((0.3, 0, -0.1), 0.04)]), [("sequential", {"eager": 0})], starts=1
     ),
@@ -275,6 +281,12 @@ class Neighbours:
         return between("r")
 
 
+def costates_whose_segments_are_halved():
+    task = noted(between("r"), [("adjoint", {"levels": 1})])
+    solution = solve_task(task)
+    adjoint_error(solution.problem.robot, solution.trajectory, solution.phases, task.policy.adjoint)
+
+
 def a_neighbour_of_a_study():
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(minimum_time, "Policy", Noted)
@@ -317,6 +329,7 @@ CALLS = (
     curves_that_do_not_converge,
     guesses_for_two_workers,
     a_torque_that_hovers,
+    costates_whose_segments_are_halved,
     a_neighbour_of_a_study,
 )
 
