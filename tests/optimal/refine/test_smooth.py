@@ -69,7 +69,7 @@ def test_a_guess_is_looked_at_first_and_leads_where_one_start_does_not():
 
 def test_a_guess_of_other_joints_is_refused():
     guess = ad.Trajectory([0, 1], np.zeros((2, 1)), np.zeros((2, 1)), np.zeros((2, 1)))
-    with pytest.raises(ProblemError, match=r"guesses\[0\] moves 1 joints, rr has 2"):
+    with pytest.raises(ProblemError, match=r"guesses\[0\] moves 1 joint, rr has 2"):
         Task.of(paper_problem("rr", effort_weight=1.0), ad.MinimumTimeOptions(guesses=(guess,)))
 
 
