@@ -296,11 +296,12 @@ def with_holding_torque(samples: ad.Samples, file: Path, motion: ad.Trajectory) 
     from armdyn.cli.reports.subject import SubjectSpec, subject_of
     from armdyn.models.robots.loads import is_motion_of, robots_of
 
-    saved = read_saved(file)
+    beside = file.with_name("result.json")
+    saved = read_saved(file.parent if file.name == "reference.npz" and beside.is_file() else file)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of an arm that is not drawn
         arm = subject_of(saved, SubjectSpec()).robot
-    if arm is None or not is_motion_of(arm, saved.motion):
+    if arm is None or not is_motion_of(arm, motion):
         return samples, False
     torque = robots_of(arm, motion)[-1].holding_torque(samples.q[-1])
     return replace(samples, tau=np.vstack([samples.tau[:-1], torque])), True
