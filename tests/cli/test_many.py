@@ -59,6 +59,19 @@ def test_fewer_than_are_required_have_an_exit_code(tmp_path):
     more = ("--count", 3, "--no-figure", "--within", "0.001")
     assert many(tmp_path, *more, "--at-least", "50%", code=4)["settled"] == 0
     assert many(tmp_path, *more)["settled"] == 0
+    alike = (
+        "--payload",
+        0,
+        "--friction-range",
+        "0,0",
+        "--out",
+        tmp_path / "alike",
+        "--count",
+        3,
+        "--no-figure",
+        "--json",
+    )
+    assert "all 3 arms are the same" in answer(run_here(*MANY, *alike))["warnings"][0]
 
 
 def test_people_see_how_many_settle(tmp_path):
@@ -67,7 +80,7 @@ def test_people_see_how_many_settle(tmp_path):
     words = " ".join(done.stdout.split())
     assert "r: 4 arms with lqr" in words
     assert "settled within 0.6 s" in words
-    assert "95 % interval" in words
+    assert "95 % interval" in words and not done.stderr
     # The ramp's largest speed is 15/8 of its mean, of the paper's 1.73 rad in 0.3 s.
     assert re.search(r"limits exceeded by 4 of 4 arms, .*: joint1 reaches 21\d\.\d % of its velocity limit", words)
     assert json.loads((tmp_path / "result.json").read_text())["beyond_limits"] == 4

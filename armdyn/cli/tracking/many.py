@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, TypeAlias
@@ -114,6 +115,10 @@ def monte_carlo(
     law, joined, plants = controller.chosen(), loop.joined(), arms.plants(model, task.likely)
     options = ad.MonteCarloOptions(count=study.count, duration=reference.duration, tolerance=reference.tolerance)
     within = study.time(reference.duration)
+    if _alike(plants) and not joined.noise:
+        more = "--payload, --friction-range, --damping-range, --start-error or --noise"
+        said = f"all {study.count} arms are the same, so that their number says nothing: give {more}"
+        warnings.warn(said, ad.ArmdynWarning, stacklevel=2)
     names = [ROWS, TABLE, "reference.npz", *results.drawn("envelope"), "result.json"]
     folder = results.output.folder("monte-carlo", task.robot.robot, names)
 
@@ -136,6 +141,12 @@ def monte_carlo(
     words = facts_table(title, _words(found, within, motion) | {"results": str(folder)})
     enough = study.at_least is None or found.success(within).rate >= study.at_least
     return judged(summary, words, usable=True, as_required=enough, files=files)
+
+
+def _alike(plants: ad.Plants) -> bool:
+    """Whether no range has a width, so that all arms are the same."""
+    ranges = (plants.loads, plants.coulomb, plants.damping)
+    return not plants.start and len(plants.likely) < 2 and all(least == most for least, most in ranges)
 
 
 def _write(
