@@ -198,7 +198,7 @@ def samples_of(motion: Trajectory, rate: float | None) -> Samples:
         a, tau = np.diff(v, axis=0) / np.diff(t)[:, None], mean_torques(motion, t)
     at_rest = bool(np.all(np.abs(v[-1]) <= _REST))
     return Samples(
-        t=t, q=q, v=v, a=np.vstack([a, 0 * a[-1:] if at_rest else a[-1:]]), tau=np.vstack([tau, tau[-1:]]),
+        t=t, q=q, v=v, a=np.vstack([a, np.where(at_rest, 0.0, a[-1:])]), tau=np.vstack([tau, tau[-1:]]),
         joint_names=motion.joint_names, name=motion.name, model_hash=motion.model_hash,
         pieces=tuple(replace(one, start=one.start - float(motion.t[0])) for one in motion.pieces),
     )  # fmt: skip
