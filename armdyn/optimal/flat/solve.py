@@ -57,7 +57,7 @@ def solve_curve(
     task: Task,
     guess: Curve,
     spec: CurveSpec,
-    near: Solved | None = None,
+    warm_start: Solved | None = None,
     tighten: Tighten | None = None,
     by_steps: bool = False,
 ) -> Solved:
@@ -67,32 +67,33 @@ def solve_curve(
         task: the problem and its settings.
         guess: initial guess.
         spec: requirements of the curve.
-        near: result of a similar specification, for a warm start with its multipliers.
+        warm_start: result of a similar specification, for a warm start with its multipliers.
         tighten: see `SequenceSettings`, for programs solved by steps.
         by_steps: do not fall back on IPOPT if steps do not converge.
     """
     shape = curve_layout(task.problem, guess, spec.constraints)
     if task.problem.has_regions or spec.constraints.required_distances(task.problem) is not None:
         numbers = task.policy.sequential
-        trust, eager = numbers.fine_trust if near is None else numbers.warm_trust, near is None and not spec.least
+        trust = numbers.fine_trust if warm_start is None else numbers.warm_trust
+        eager = warm_start is None and not spec.least
         if spec.least:
             numbers = replace(numbers.without_obstacles, trust=numbers.calm_trust)
         return solve_in_steps(task, guess, spec, SequenceSettings(trust, numbers.enough, eager=eager), numbers)
     rows = rows_of(task.problem, spec.constraints)
-    if solved_by_steps(task, shape, rows) and (near is None or near.in_steps):
+    if solved_by_steps(task, shape, rows) and (warm_start is None or warm_start.in_steps):
         numbers = task.policy.sequential.without_obstacles
         numbers = replace(numbers, trust=numbers.calm_trust) if spec.least else numbers
-        trust, most = numbers.trust if near is None else numbers.warm_trust, task.options.max_iterations
-        steps = SequenceSettings(trust, numbers.enough, eager=near is None, tighten=tighten, most=most)
+        trust, most = numbers.trust if warm_start is None else numbers.warm_trust, task.options.max_iterations
+        steps = SequenceSettings(trust, numbers.enough, eager=warm_start is None, tighten=tighten, most=most)
         found = solve_in_steps(task, guess, spec, steps, numbers)
         if found.converged or task.stop or by_steps:
             return found
         # With many torques at their limits throughout, first derivatives converge slowly.
-    same = near is not None and not near.in_steps and (near.shape, near.rows) == (shape, rows)
-    near = near if same else None
-    solver = _solver(task, shape, rows, warm=near is not None)
+    same = warm_start is not None and not warm_start.in_steps and (warm_start.shape, warm_start.rows) == (shape, rows)
+    warm_start = warm_start if same else None
+    solver = _solver(task, shape, rows, warm=warm_start is not None)
     nlp_data = assemble_curve(task, guess, spec, shape)
-    result = solver.solve(nlp_data, task.stop, None if near is None else near.result)
+    result = solver.solve(nlp_data, task.stop, None if warm_start is None else warm_start.result)
     return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration, np.less(*nlp_data.g_bounds))
 
 

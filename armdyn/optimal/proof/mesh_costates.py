@@ -84,11 +84,11 @@ def mesh_costates(
     width = np.where(actuators.width > 0, actuators.width, 1.0)  # without a motor the torque is fixed
     return _StationarityProgram(
         motion=motion,
-        carried=carried,
-        added=h[:, None, None] / 6 * (own + 4 * first + carried) * size,  # by Simpson's rule
-        rate=np.array(rates),
-        into=inverse * actuators.width[:, None] / size[n:],
-        share=(motion.tau - actuators.lower) / width,
+        propagator=carried,
+        effect=h[:, None, None] / 6 * (own + 4 * first + carried) * size,  # by Simpson's rule
+        state_rate=np.array(rates),
+        switching_gain=inverse * actuators.width[:, None] / size[n:],
+        torque_level=(motion.tau - actuators.lower) / width,
         limits=_Limits.of(problem.limits, motion, numbers.held),
         width=width,
         numbers=numbers,
@@ -134,14 +134,14 @@ class _Segments:
 
     Attributes:
         ends: knots at the ends of the stretches, shape (G + 1,).
-        carried: propagator of r from the end of each stretch to its start, shape (G, 2 nv, 2 nv).
+        propagator: propagator of r from the end of each stretch to its start, shape (G, 2 nv, 2 nv).
         source_of: stretch, and limit, of each multiplier, shape (2, E).
         source: contribution of a unit multiplier to r at the stretch's start, shape (E, 2 nv).
         distance: unit multiplier times the distance from the limit, as a part of the duration, shape (E,).
     """
 
     ends: Index
-    carried: Array
+    propagator: Array
     source_of: Index
     source: Array
     distance: Array
@@ -153,22 +153,22 @@ class _StationarityProgram:
 
     Attributes:
         motion: the motion.
-        carried: propagator of r from the end of an interval to its start, shape (K, 2 nv, 2 nv).
-        added: contribution of a multiplier of 1 along the interval to r there, a column per state, (K, 2 nv, 2 nv).
-        rate: rates of the state at both ends of every interval, shape (2, K, 2 nv).
-        into: ∂S/∂(costates of the velocities), times the torques' ranges, at the knots, shape (K + 1, nv, nv).
-        share: height of the torques above the lower limit, over their ranges, shape (K, nv).
+        propagator: propagator of r from the end of an interval to its start, shape (K, 2 nv, 2 nv).
+        effect: contribution of a multiplier of 1 along the interval to r there, a column per state, (K, 2 nv, 2 nv).
+        state_rate: rates of the state at both ends of every interval, shape (2, K, 2 nv).
+        switching_gain: ∂S/∂(costates of velocities), times the torques' ranges, at the knots, shape (K + 1, nv, nv).
+        torque_level: height of the torques above the lower limit, over their ranges, shape (K, nv).
         limits: limits that the motion nearly reaches.
         width: widths of the torques' ranges, shape (nv,); 1 without a motor.
         numbers: lengths of stretches, and distance of near limits.
     """
 
     motion: Shooting
-    carried: Array
-    added: Array
-    rate: Array
-    into: Array
-    share: Array
+    propagator: Array
+    effect: Array
+    state_rate: Array
+    switching_gain: Array
+    torque_level: Array
     limits: _Limits
     width: Array
     numbers: ShootingPolicy
@@ -180,7 +180,7 @@ class _StationarityProgram:
         from limits; their marginals are the costates and the multipliers of the limits.
         """
         segments = self._segments()
-        G, n, E = len(segments.carried), self.width.size, len(segments.distance)
+        G, n, E = len(segments.propagator), self.width.size, len(segments.distance)
         changes, cost, bounds = self._changes(segments)
         most_change, own = self.numbers.state_bound / self.motion.t[-1], 2 * n * (G + 1)
         states = np.full((2 * n * G, 2), (-most_change, most_change))
@@ -201,7 +201,7 @@ class _StationarityProgram:
 
     def _segments(self) -> _Segments:
         """Merge intervals into stretches of at least a given length."""
-        (K, n), h = self.share.shape, np.diff(self.motion.t) / self.motion.t[-1]
+        (K, n), h = self.torque_level.shape, np.diff(self.motion.t) / self.motion.t[-1]
         ends, length = [0], 0.0
         for k in range(K):
             length += h[k]
@@ -214,9 +214,9 @@ class _StationarityProgram:
         for back in range(1, int(np.max(last - first)) + 1):  # an interval of every stretch, from its end
             own, of = np.flatnonzero(last - first >= back), np.flatnonzero((last - first)[stretch] >= back)
             at, j = last[stretch[of]] - back, limit[of]
-            flow[own] = self.carried[last[own] - back] @ flow[own]
-            acting = np.where(limits.near[j, at], limits.unit[j], 0.0)[:, None] * self.added[at, :, limits.state[j]]
-            source[of] = np.einsum("eij,ej->ei", self.carried[at], source[of]) + acting
+            flow[own] = self.propagator[last[own] - back] @ flow[own]
+            acting = np.where(limits.near[j, at], limits.unit[j], 0.0)[:, None] * self.effect[at, :, limits.state[j]]
+            source[of] = np.einsum("eij,ej->ei", self.propagator[at], source[of]) + acting
         middle = (limits.margin[:, :-1] + limits.margin[:, 1:]) / 2
         distance = np.add.reduceat(h * limits.near * middle, first, axis=1)[limit, stretch]
         return _Segments(np.array(ends), flow, np.stack([stretch, limit]), source, distance)
@@ -227,15 +227,15 @@ class _StationarityProgram:
         The pace changes along every stretch, the torques at its ends, within their range in the adjacent half
         stretches.
         """
-        G, n = len(segments.carried), self.width.size
+        G, n = len(segments.propagator), self.width.size
         t, ends, m = self.motion.t / self.motion.t[-1], segments.ends, 2 * n
         width, lengths = m * (G + 1) + len(segments.distance), np.diff(t[ends])
         places = np.repeat(np.arange(G), m), np.arange(G * m)
-        pace = sp.csr_matrix((-self.rate[0][ends[:-1]].ravel(), places), shape=(G, width))
+        pace = sp.csr_matrix((-self.state_rate[0][ends[:-1]].ravel(), places), shape=(G, width))
         velocities = (m * np.arange(G + 1)[:, None, None] + n + np.arange(n)) + np.zeros((n, 1), int)
         places = np.repeat(np.arange(n * (G + 1)), n), velocities.ravel()
-        torques = sp.csr_matrix((-self.into[ends].ravel(), places), shape=(n * (G + 1), width))
-        falls, rises = (self._about_ends(segments.ends, part) for part in (self.share, 1 - self.share))
+        torques = sp.csr_matrix((-self.switching_gain[ends].ravel(), places), shape=(n * (G + 1), width))
+        falls, rises = (self._about_ends(segments.ends, part) for part in (self.torque_level, 1 - self.torque_level))
         bounds = np.concatenate([lengths[:, None] * (-1, 1), np.stack([-falls.ravel(), rises.ravel()], axis=1)])
         return sp.vstack([pace, torques]), np.append(np.ones(G), np.zeros(n * (G + 1))), bounds
 
@@ -260,21 +260,21 @@ class _StationarityProgram:
 
     def _measured(self, segments: _Segments, at_ends: Array, multipliers: Array) -> MeshCostates:
         """Costates at all knots from those at the stretches' ends, and the violation at each interval's worse end."""
-        (K, n), motion = self.share.shape, self.motion
+        (K, n), motion = self.torque_level.shape, self.motion
         scaled = np.empty((K + 1, 2 * n))
         of_interval = np.searchsorted(segments.ends, np.arange(K), side="right") - 1
-        size = np.zeros((len(segments.carried), len(self.limits.state)))
+        size = np.zeros((len(segments.propagator), len(self.limits.state)))
         size[tuple(segments.source_of)] = multipliers
         acting = np.where(self.limits.near.T, size[of_interval] * self.limits.unit, 0.0)
         held = acting @ (self.limits.state[:, None] == np.arange(2 * n))
-        added = np.einsum("kij,kj->ki", self.added, held)
+        added = np.einsum("kij,kj->ki", self.effect, held)
         scaled[segments.ends] = at_ends
         for m in np.setdiff1d(np.arange(K), segments.ends)[::-1]:
-            scaled[m] = self.carried[m] @ scaled[m + 1] + added[m]
-        switching = np.einsum("kij,kj->ki", self.into, scaled[:, n:])
+            scaled[m] = self.propagator[m] @ scaled[m + 1] + added[m]
+        switching = np.einsum("kij,kj->ki", self.switching_gain, scaled[:, n:])
         both = np.stack([switching[:-1], switching[1:]])
-        falls = np.max(np.maximum(both * self.share, both * (self.share - 1)), axis=0)
-        hamiltonian = 1 + np.sum(self.rate * np.stack([scaled[:-1], scaled[1:]]), axis=2)
+        falls = np.max(np.maximum(both * self.torque_level, both * (self.torque_level - 1)), axis=0)
+        hamiltonian = 1 + np.sum(self.state_rate * np.stack([scaled[:-1], scaled[1:]]), axis=2)
         missed = (np.sum(falls, axis=1) + np.max(np.abs(hamiltonian), axis=0)) * np.diff(motion.t) / motion.t[-1]
         return MeshCostates(
             t=motion.t,
@@ -288,8 +288,8 @@ class _StationarityProgram:
 
 def _adjoint(segments: _Segments) -> sp.csr_matrix:
     """Rows r_g = A_gᵀ r_{g+1} + sources of all stretches."""
-    (G, m, _), E = segments.carried.shape, len(segments.source)
-    carried = sp.bsr_matrix((segments.carried, np.arange(1, G + 1), np.arange(G + 1)), shape=(G * m, (G + 1) * m))
+    (G, m, _), E = segments.propagator.shape, len(segments.source)
+    carried = sp.bsr_matrix((segments.propagator, np.arange(1, G + 1), np.arange(G + 1)), shape=(G * m, (G + 1) * m))
     rows = m * segments.source_of[0][:, None] + np.arange(m)
     sources = sp.csc_matrix((segments.source.ravel(), rows.ravel(), m * np.arange(E + 1)), shape=(G * m, E))
     return sp.hstack([sp.eye(G * m, (G + 1) * m) - carried, -sources], format="csr")
