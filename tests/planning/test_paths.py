@@ -104,9 +104,12 @@ def test_a_path_is_planned_on_demand():
     assert len(list(paths)) > 0 and wall.model.checks > 2 * first
 
 
-def test_plan_path_of_a_problem():
+@pytest.mark.parametrize("slower", [1.0, 1e-7])
+def test_plan_path_of_a_problem(slower):
+    """At very low velocity limits checks are no nearer to each other, and the budget does not end first."""
     wall = Box((0.3, 0.3, 0.02), (0.3, 0, -0.15), name="wall")
     problem = ad.MinimumTimeProblem(paper_arm("rr"), q_start=[1.5, 0], q_goal=[0.0, 0.3], obstacles=[wall])
+    problem = problem.variant(velocity_limit=slower * problem.limits.velocity)
     path = ad.plan_path(problem, seed=1)
     np.testing.assert_array_equal(path, ad.plan_path(problem, seed=1))
     np.testing.assert_allclose(path[[0, -1]], [problem.q_start, problem.q_goal])

@@ -70,8 +70,9 @@ class Sequential:
     """Sequential convexification of one program."""
 
     def __init__(self, problem: CurveProgram, policy: SequentialPolicy, stop: Stop):
-        self.problem, self.policy, self.stop = problem, policy, stop
         self._whole, self._radius = problem.guess.duration, 0.0
+        dear = max(1.0, self._whole / policy.usual_duration)
+        self.problem, self.policy, self.stop = problem, replace(policy, distance=dear * policy.distance), stop
 
     def solve(self, settings: SequenceSettings) -> NlpResult:
         """Iterate from the program's unknowns."""

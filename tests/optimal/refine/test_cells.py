@@ -50,6 +50,16 @@ def test_two_kilograms_of_a_shape_over_a_wall_between_two_bins():
 
 
 @pytest.mark.slow
+def test_a_slow_arm_goes_round_a_post_and_not_through_it():
+    """At 0.005 rad/s a price of some seconds for a violated distance is less than what violating it saves."""
+    poses = {"q_start": [-0.8, 0.3, 0, -1.9, 0, 2.2, 0.785], "q_goal": [0.8, 0.3, 0, -1.9, 0, 2.2, 0.785]}
+    post = ad.Box((0.12, 0.12, 0.6), (0.55, 0, 0.3))
+    problem = ad.MinimumTimeProblem(ad.Robot.from_library("panda"), **poses, obstacles=[post], velocity_limit=0.005)
+    solution = ad.solve_minimum_time(problem)
+    assert solution.usable and solution.clearance.sure and least(solution, problem) >= problem.clearance
+
+
+@pytest.mark.slow
 def test_a_gripper_round_a_box():
     gripper = ad.Tool(
         mass=0.8, com=(0, 0, 0.06), inertia=(2e-3, 2e-3, 1e-3), tip=(0, 0, 0.17), name="gripper",

@@ -242,6 +242,9 @@ class SequentialPolicy:
     jump: float = tuned(0.3, "s", "price of new overlaps (30 mm) at which an eager step is rejected", PLANNED)
     torque: float = tuned(0.1, "s", "price of a torque beyond its limit by half its range; 2 stalls", PLANNED)
     distance: float = tuned(10.0, "s/m", "price of a distance below the clearance at a pose", PLANNED)
+    usual_duration: float = tuned(
+        10.0, "s", "duration above which distances cost more in proportion", "Panda round a post at 0.005 rad/s"
+    )
     other: float = tuned(0.1, "s", "price of another row beyond its limit by its scale", PLANNED)
     most_other: float = tuned(
         10.0,
