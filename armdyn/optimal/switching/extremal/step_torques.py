@@ -59,13 +59,12 @@ class Torques:
             end = structure.end_of(k)
             own = np.flatnonzero((arc > k) & (arc <= end))
             s, by_s = _along(structure, arc, part, own, (k, end))
-            terms, derivatives = control.terms(s, np.tile(signs[own], (2, 1)))
+            terms, derivatives = control.terms(s, np.concatenate([signs[own], signs[own]]))
             torque, by_coefficients = unit[joint] * (terms @ control.values), unit[joint] * terms
             by_unknowns = unit[joint] * (derivatives @ control.values)[:, None] * by_s
             by_unknowns[:, places[k]] += by_coefficients
-            for side in (0, 1):
-                tau[side][own, joint] = np.split(torque, 2)[side]
-                by[side][own, joint] = np.split(by_unknowns, 2)[side]
+            for side, half in enumerate((slice(own.size), slice(own.size, None))):
+                tau[side][own, joint], by[side][own, joint] = torque[half], by_unknowns[half]
         return cls(tau, held.astype(float), np.hstack([carried, carrying]), free.astype(float), (by[0], by[1]))
 
     @property
