@@ -71,7 +71,8 @@ def joints_of(count: int) -> str:
 
 def short_time(seconds: float, digits: int = 3) -> str:
     """A time in words, to some digits: in ms below a second."""
-    return f"{seconds:.{digits}g} s" if abs(seconds) >= 1 else f"{1000 * seconds:.{digits}g} ms"
+    size, unit = (seconds, "s") if abs(seconds) >= 1 else (1000 * seconds, "ms")
+    return f"{float(f'{size:.{digits}g}'):g} {unit}"  # without an exponent
 
 
 def more_payload(per_gram: float, duration: float) -> tuple[str, float]:

@@ -9,7 +9,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import armdyn as ad
-from armdyn.reprs import MOST_LETTERS, brief, called, joint_unit, line_of, more_payload, percent, several_numbers
+from armdyn.reprs import (
+    MOST_LETTERS,
+    brief,
+    called,
+    joint_unit,
+    line_of,
+    more_payload,
+    percent,
+    several_numbers,
+    short_time,
+)
 from problems import POSES
 
 SIMPLE = {"float", "int", "str", "bool", "Literal", "None", "NoneType", "tuple", "Form", "Status"}
@@ -147,6 +157,10 @@ def test_signatures_have_nothing_of_the_insides_of_numpy(name, value):
 )
 def test_per_cent_are_rounded_up(part, said):
     assert percent(part) == said
+
+
+def test_short_times_have_no_exponent():
+    assert [short_time(x, 2) for x in (0.137, 4e-5, 30.0, 1234.0)] == ["140 ms", "0.04 ms", "30 s", "1200 s"]
 
 
 @pytest.mark.parametrize(
