@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import kstest
 
 import armdyn as ad
 from armdyn.dynamics.driven import plant_of
@@ -54,6 +53,8 @@ def test_a_draw_is_within_its_ranges_and_always_the_same(k, nv):
 
 
 def test_samples_are_evenly_spread_and_differ_by_number_and_seed():
+    from scipy.stats import kstest  # slow to import, and for this test alone
+
     loads = np.array([BOTH.sample(k, 3).payload for k in range(2000)])
     # With this seed the hypothesis of an even spread is not rejected; a triangle's would be at 1e-100.
     assert kstest(loads, "uniform", args=(0.8, 0.4)).pvalue > 0.05

@@ -6,9 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import ruckig
-import toppra
-import toppra.algorithm
-import toppra.constraint
 
 import armdyn as ad
 from armdyn.errors import ProblemError, TrajectoryError
@@ -168,6 +165,10 @@ def ruckig_motion(factor):
 
 
 def test_toppra_keeps_acceleration_but_not_jerk():
+    import toppra  # slow to import, and for this test alone
+    import toppra.algorithm
+    import toppra.constraint
+
     path = toppra.SplineInterpolator(np.linspace(0, 1, 3), np.array([START, (START + GOAL) / 2, GOAL]))
     kinds = {
         "velocity": toppra.constraint.JointVelocityConstraint,
