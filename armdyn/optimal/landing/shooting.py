@@ -167,9 +167,8 @@ def _newton_step(
     gap, by_state, by_torque, by_time = found
     actuators, (K, n) = task.problem.limits.actuators, motion.tau.shape
     share = np.diff(motion.t)[:, None] / motion.t[-1]
-    moved = (
-        by_torque * (np.where(free, actuators.scale, 0.0) / np.sqrt(share))[:, None, :]
-    )  # scaled by the square root of its weight
+    # Torques scaled by the square roots of their weights.
+    moved = by_torque * (np.where(free, actuators.scale, 0.0) / np.sqrt(share))[:, None, :]
     carried = by_state / np.sqrt(numbers.states)
     carried[0] = 0.0  # first and last state are fixed
     own = np.full(K, 1 / numbers.states)

@@ -68,9 +68,8 @@ class StageFunctions:
         gradient = ca.gradient(one.cost, y)
         nonzeros = [nonzeros_of(part) for part in (jacobian, gradient, hessian, moved)]
         given = [part for point in (left, middle, right) for part in (point.a, point.jacobians, point.hessians)]
-        correction = (
-            one.h / 2 * middle.weighed(lam) - 3 / 4 * nu
-        )  # of the middle's correction: h / 8 over -h / 6 is -3 / 4
+        # Of the middle's correction: h / 8 over -h / 6 is -3 / 4.
+        correction = one.h / 2 * middle.weighed(lam) - 3 / 4 * nu
         weights = [lam[n:] + sign * correction[n:] for sign in (1, -1)]
         equations = ca.vertcat(one.defects(left, middle, right), one.cost)
         return cls(

@@ -52,11 +52,12 @@ def curves(task: Task) -> tuple[list[Optimum], SearchResult]:
     """
     numbers, needs_paths = task.policy.curves, task.problem.has_clearance or task.problem.has_regions
     starts = task.policy.search.guesses(task.options, numbers.starts)
-    found, planned = (
-        _among_obstacles(task) if needs_paths else (_refined(task, _guesses(task, starts), _calms(task)), True)
-    )
-    if not (needs_paths or task.stop) and all(_may_improve(task, one) for one in found):
-        found += _refined(task, _guesses(task, numbers.more_starts)[1:], _calms(task))
+    if needs_paths:
+        found, planned = _among_obstacles(task)
+    else:
+        found, planned = _refined(task, _guesses(task, starts), _calms(task)), True
+        if not task.stop and all(_may_improve(task, one) for one in found):
+            found += _refined(task, _guesses(task, numbers.more_starts)[1:], _calms(task))
     if is_building():
         task.progress("its machine code is being built in the background, once: later solves are faster")
     if not found:  # or the time was up before the first curve
@@ -110,9 +111,8 @@ def _optima_met(task: Task, found: Sequence[RefinedCurve]) -> str:
     if len(found) < 2 or not durations or _enough(task, found[0]):
         return ""
     problem = task.problem
-    seeded = (
-        problem.has_clearance or problem.has_regions or not problem.via
-    )  # guesses through via points are the same for all
+    # Guesses through via points alone are the same for all seeds.
+    seeded = problem.has_clearance or problem.has_regions or not problem.via
     return optima_met(durations, len(found), task.policy.same.mesh) + (_OTHER_SEEDS if seeded else "")
 
 

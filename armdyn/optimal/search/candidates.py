@@ -102,9 +102,8 @@ def _searched(
     attempts = search(task, count - changes, search_settings, extra_jobs)
     if not changes or len(attempts) < len(extra_jobs) + count - changes:  # early end, or time is up
         return attempts
-    nearby = replace(
-        search_settings, settings=search_settings.settings[:1]
-    )  # the smallest barrier stays nearest to a guess
+    # The smallest barrier stays nearest to a guess.
+    nearby = replace(search_settings, settings=search_settings.settings[:1])
     lineages = max(1, round(count / task.policy.search.starts))
     ends = [changes * k // lineages for k in range(lineages + 1)]
     for k, (first, end) in enumerate(pairwise(ends)):
