@@ -15,7 +15,7 @@ from armdyn.show.page.facts import Facts
 from armdyn.show.page.joints import compared
 from armdyn.show.page.motions import ShownMotion, Subject
 from armdyn.show.page.report import Report, report_html, report_of
-from armdyn.show.page.sections import td
+from armdyn.show.page.sections import deciding_section, td
 from armdyn.show.page.verdict import tiles_of, verdict_of
 from show.motions import quintic
 from show.page.runs import judged
@@ -277,3 +277,9 @@ def test_torque_speed_curves_are_drawn_with_the_motion_inside():
     assert section.count("<polygon") == 1 and section.count("<polyline") == 1 and "joint1: ±16 rad/s" in section
     (joints,) = re.findall(r'<section[^>]*id="joints".*?</section>', page, flags=re.S)
     assert "129 %" in joints and "over" in joints  # 3 of 7/3 N m, since this motion knows nothing of the curve
+
+
+def test_seconds_that_more_of_a_limit_saves_are_no_powers_of_ten_of_ms():
+    facts = Facts({"decides": [{"joint": "j", "limit": "velocity limit", "part": 1.0}], "calm": 0.137})
+    section = deciding_section(facts, 300.0)
+    assert "1 % more saves 3 s" in section.body and "140 ms are given" in section.body
