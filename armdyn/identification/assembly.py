@@ -122,9 +122,13 @@ def _unmeasured(fit: Fit, hessian: Array) -> Array:
     Cross-validation chooses the prior's weight by what the log measures; of the other combinations, such as mass
     against armature of a joint that slides, it knows nothing. Their prior counts as one measurement at most.
     """
-    values, vectors = eigh(fit.normal.matrix, hessian)
-    weight = np.where(values < fit.weight, min(1.0, fit.weight), fit.weight)
-    more = 1 / (values + weight) - 1 / (values + fit.weight)
+    matrix = fit.normal.matrix + fit.weight * hessian
+    scale = 1 / np.sqrt(np.diag(matrix))
+    # Parts of the combinations' information that the log gives, and the combinations, of variance 1.
+    parts, vectors = eigh(fit.normal.matrix * np.outer(scale, scale), matrix * np.outer(scale, scale))
+    looser = min(1.0, 1 / fit.weight)
+    more = np.where(parts < 0.5, 1 / (parts + (1 - parts) * looser) - 1, 0.0)
+    vectors = scale[:, None] * vectors
     return np.asarray((vectors * more) @ vectors.T)
 
 

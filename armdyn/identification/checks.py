@@ -6,9 +6,10 @@ from scipy.optimize import linear_sum_assignment
 
 from armdyn.arrays import Array
 from armdyn.errors import LogError
-from armdyn.identification.equations import rigid_torques
+from armdyn.identification.equations import What, mean_regressor, rigid_torques
 from armdyn.identification.log import Log, Signals
 from armdyn.models.robots.robot import Robot
+from armdyn.models.values.spec import Payload
 
 MOVED = 0.02
 """Least travel of a joint for a check of its velocities and torques [rad or m]."""
@@ -17,17 +18,20 @@ _BEYOND = 0.1
 _ALIKE, _UNLIKE = 0.9, 0.5
 """Correlations of equal channels, and of different ones."""
 _SCALES = 0.2, 5.0
-"""Measured torque as a multiple of the model's: outside it is in another unit. A guessed inertia or an unknown payload
-changes the torque of the joint with most load by less."""
+"""Measured torque as a multiple of the model's: outside it is in another unit. A guessed inertia changes the torque of
+the joint with most load by less."""
+_STATES = 300
+"""Number of states at which a payload's torques are compared with the measured ones."""
 
 
-def check_log(robot: Robot, log: Log, signals: Signals) -> None:
+def check_log(robot: Robot, log: Log, signals: Signals, what: What) -> None:
     """Raise unless a log fits the arm.
 
     Args:
         robot: the arm.
         log: its columns in the robot's order.
         signals: of the log.
+        what: the unknowns of the identification.
 
     Raises:
         LogError: names the joint and the likely cause.
@@ -42,7 +46,7 @@ def check_log(robot: Robot, log: Log, signals: Signals) -> None:
     _check_positions(robot, log)
     if log.v is not None:
         _check_velocities(robot, log)
-    _check_torques(robot, log, signals)
+    _check_torques(robot, log, signals, what)
 
 
 def _check_positions(robot: Robot, log: Log) -> None:
@@ -94,33 +98,76 @@ def _check_velocities(robot: Robot, log: Log) -> None:
             raise LogError(f"{log.name}: the velocity of {joint} is {scale:.3g} times the derivative of q{why}", joint)
 
 
-def _check_torques(robot: Robot, log: Log, signals: Signals) -> None:
+def _check_torques(robot: Robot, log: Log, signals: Signals, what: What) -> None:
     model = rigid_torques(robot, signals.q, signals.v, signals.a)
-    # Torque per rigid torque: friction and offset are projected out of both.
-    rest, expected = (np.empty_like(model) for _ in range(2))
-    for j in range(robot.nv):
-        v = signals.v[:, j]
-        friction = np.column_stack([np.ones_like(v), v, np.tanh(v / robot.friction.width)])
-        for given, out in ((signals.tau, rest), (model, expected)):
-            out[:, j] = given[:, j] - friction @ np.linalg.lstsq(friction, given[:, j], rcond=1e-9)[0]
+    rest, expected = (_without_friction(robot, signals.v, one) for one in (signals.tau, model))
+    order = np.arange(robot.nv)
     like = np.array([[_correlation(signals.tau[:, i], model[:, k]) for k in range(robot.nv)] for i in range(robot.nv)])
     reversed_all = bool(np.all(np.diag(like) < -_UNLIKE))
     rows, columns = linear_sum_assignment(-like)
+    error: LogError | None = None
     for i, k in () if reversed_all else zip(rows, columns, strict=True):
-        if i != k and like[i, k] > _ALIKE and like[i, i] < _UNLIKE:
-            raise LogError(
+        if error is None and i != k and like[i, k] > _ALIKE and like[i, i] < _UNLIKE:
+            order = columns
+            error = LogError(
                 f"{log.name}: the torque of {robot.joint_names[i]} is that of {robot.joint_names[k]}: the torques' "
                 f"joints are in another order than {', '.join(robot.joint_names)}",
                 robot.joint_names[i],
             )
+    error = error or _scale_error(robot, log, rest, expected)
+    if error is not None and not (what == "payload" and _payload_explains(robot, signals, rest, expected[:, order])):
+        raise error
+
+
+def _scale_error(robot: Robot, log: Log, rest: Array, expected: Array) -> LogError | None:
+    """The error of torques in another unit or of another sign, judged by the joint with most load; None: of neither.
+
+    Args:
+        robot: the arm.
+        log: for its name.
+        rest: measured torques without friction [N m or N], shape (n, nv).
+        expected: the model's, likewise.
+    """
     strongest = int(np.argmax(np.std(expected, axis=0)))
     own = expected[:, strongest]
     scale, joint = float(rest[:, strongest] @ own / (own @ own)), robot.joint_names[strongest]
     message = f"{log.name}: the torque of {joint} is {scale:.3g} times that of the arm's weight and inertia"
     if _correlation(rest[:, strongest], own) < -_UNLIKE:
-        raise LogError(f"{message}: its sign is opposite", joint)
+        return LogError(f"{message}: its sign is opposite", joint)
     if not _SCALES[0] < scale < _SCALES[1]:
-        raise LogError(f"{message}: these are currents, or torques at the motor, not at the joint [N m]", joint)
+        return LogError(f"{message}: these are currents, or torques at the motor, not at the joint [N m]", joint)
+    return None
+
+
+def _without_friction(robot: Robot, velocity: Array, torque: Array) -> Array:
+    """Torques, shape (n, nv, …), after a fit of each joint's friction and offset is subtracted, likewise."""
+    rest = np.empty_like(torque)
+    for j, v in enumerate(velocity.T):
+        friction = np.column_stack([np.ones_like(v), v, np.tanh(v / robot.friction.width)])
+        rest[:, j] = torque[:, j] - friction @ np.linalg.lstsq(friction, torque[:, j], rcond=1e-9)[0]
+    return rest
+
+
+def _payload_explains(robot: Robot, signals: Signals, rest: Array, expected: Array) -> bool:
+    """Whether a payload at the tip explains the torques better than multiples of the model's torques do.
+
+    Args:
+        robot: the arm.
+        signals: of the log.
+        rest: measured torques without friction [N m or N], shape (n, nv).
+        expected: the model's, likewise, in the order of the joints that the log seems to have.
+    """
+    at = slice(None, None, max(1, len(rest) // _STATES))
+    q, v, a = signals.q[at], signals.v[at], signals.a[at]
+    size = np.std(rest, axis=0)
+    scales = np.sum(rest * expected, axis=0) / np.sum(expected**2, axis=0)
+    scaled = (rest - scales * expected)[at] / size
+    body = 10 * (robot.frame_of(Payload(mass=0)).parentJoint - 1)
+    columns = _without_friction(robot, v, mean_regressor(robot, q, v, a, 1)[:, :, body : body + 10])
+    carried = _without_friction(robot, v, signals.tau[at] - rigid_torques(robot, q, v, a)) / size
+    matrix = (columns / size[:, None]).reshape(-1, 10)
+    carried = carried.ravel() - matrix @ np.linalg.lstsq(matrix, carried.ravel(), rcond=1e-9)[0]
+    return bool(np.linalg.norm(carried) < np.linalg.norm(scaled))
 
 
 def _correlation(one: Array, other: Array) -> float:

@@ -54,12 +54,14 @@ class Equations:
         joints: tuple[int, ...] = ()
         factors, armature, replaced = np.zeros((0, 4, 4)), np.zeros(0), np.zeros((1, 10))
         if what == "payload":
-            at, mass = robot.frame_of(Payload(mass=0)), robot.payload.mass if robot.payload is not None else 0.0
+            given, at = robot.payload or Payload(mass=0), robot.frame_of(Payload(mass=0))
+            centre = np.array(given.com) if given.frame is None else np.zeros(3)
             robot = robot.with_payload(None)
-            mass = mass or _PRIOR_PART * sum(body.mass for body in list(robot.model.inertias)[1:])
+            mass = given.mass or _PRIOR_PART * sum(body.mass for body in list(robot.model.inertias)[1:])
             reach = sum(np.linalg.norm(place.translation) for place in list(robot.model.jointPlacements)[2:])
             radius = _PRIOR_PART * float(reach + np.linalg.norm(at.placement.translation))
             body = np.sqrt(mass) * np.diag([radius, radius, radius, 1.0])
+            body[:3, 3] = np.sqrt(mass) * centre
             joints, factors = (at.parentJoint - 1,), (at.placement.homogeneous @ body)[None]
         elif what == "all":
             bare = robot.with_payload(None) if robot.payload is not None else robot

@@ -12,7 +12,21 @@ from typing import NamedTuple
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.identification.unknowns import Unknowns
+from armdyn.identification.unknowns import Ray, Unknowns
+
+_NEAR, _MOST = 20, 60
+"""Most Newton steps from a start that may be far, and from one that is near: some five suffice."""
+_CONVERGED = 1e-9
+"""Newton's decrement of the converged unknowns: they are within 3e-5 of a standard deviation of the minimum."""
+_CENTRED, _FACTOR = 0.1, 3.0
+"""Decrement over the weight at which a minimum is followed to the next weight (Newton's method converges at once below
+0.25), and the factor between weights: a step of it takes a few Newton steps for each body."""
+_NEARLY = 0.1
+"""Slope at the end of a full step, as a part of that at its start, at which it counts as the minimum."""
+_LONGEST, _TO_BORDER = 2.0, 1 - 1e-9
+"""Largest part of a Newton step, and of the way to the border of physical bodies."""
+_HALVINGS = 40
+"""Bisections of a step."""
 
 
 class Normal(NamedTuple):
@@ -39,30 +53,75 @@ class Normal(NamedTuple):
         return float(x @ self.matrix @ x - 2 * self.vector @ x + self.constant)
 
 
-def minimise(unknowns: Unknowns, normal: Normal, weight: float, start: Array, iterations: int = 60) -> Array:
-    """Unknowns that minimise half the weighted squares and weight times the divergence, shape (p,)."""
-    x = start
+def minimise(unknowns: Unknowns, normal: Normal, weight: float, start: Array) -> Array:
+    """Unknowns that minimise half the weighted squares and weight times the divergence, shape (p,).
 
-    def value(at: Array) -> float:
-        own = unknowns.divergence(at)
-        return np.inf if np.isinf(own) else normal.squares(at) / 2 + weight * own
+    Newton's method from the start; where that is too far, the minimum is followed from a weight so large that it is
+    near zero, as by interior-point methods: next to the border of physical bodies Newton's steps are short.
+    """
+    x, decrement = _newton(unknowns, normal, weight, start, _NEAR)
+    if decrement <= _CONVERGED * max(1.0, weight):
+        return x
+    x, large = np.zeros(unknowns.size), weight
+    while _newton(unknowns, normal, large, x, 0)[1] > _CENTRED * large:
+        large *= _FACTOR
+    while large > weight:
+        x, _ = _newton(unknowns, normal, large, x, _MOST, _CENTRED * large)
+        large /= _FACTOR
+    return _newton(unknowns, normal, weight, x, _MOST)[0]
 
-    current = value(x)
-    for _ in range(iterations):
+
+def _newton(
+    unknowns: Unknowns, normal: Normal, weight: float, start: Array, iterations: int, converged: float = 0.0
+) -> tuple[Array, float]:
+    """Newton's method with a line search.
+
+    Args:
+        unknowns: with the divergence.
+        normal: normal equations of the squares.
+        weight: of the divergence.
+        start: physical unknowns, shape (p,).
+        iterations: most steps.
+        converged: largest decrement at the end; at least `_CONVERGED`.
+
+    Returns:
+        The unknowns, and Newton's decrement there: twice the decrease that another step promises.
+    """
+    x, converged = start, max(converged, _CONVERGED * max(1.0, weight))
+    for k in range(iterations + 1):
         gradient, hessian = unknowns.derivatives(x)
-        gradient = normal.matrix @ x - normal.vector + weight * gradient
-        step = -np.linalg.solve(normal.matrix + weight * hessian, gradient)
-        decrease = float(-gradient @ step)
-        if decrease <= 1e-9 * max(1.0, weight):
+        slope = normal.matrix @ x - normal.vector
+        gradient, hessian = slope + weight * gradient, normal.matrix + weight * hessian
+        scale = 1 / np.sqrt(np.diag(hessian))  # its diagonal spans 1e16 next to the border of physical bodies
+        step = -scale * np.linalg.solve(hessian * np.outer(scale, scale), scale * gradient)
+        decrement = float(-gradient @ step)
+        if decrement <= converged or k == iterations:
             break
-        length, trial = 1.0, value(x + step)
-        while trial > current - 0.1 * length * decrease and length > 1e-9:
-            length *= 0.5
-            trial = value(x + length * step)
-        if trial >= current:
-            break
-        x, current = x + length * step, trial
-    return x
+        ray = unknowns.along(x, step)
+        x = x + step * _step_length(ray, weight, float(slope @ step), float(step @ normal.matrix @ step))
+    return x, decrement
+
+
+def _step_length(ray: Ray, weight: float, slope: float, curvature: float) -> float:
+    """Minimum along a Newton step: 1 where that is near, else found by bisection.
+
+    Args:
+        ray: divergence along the step.
+        weight: of the divergence.
+        slope: of half the squares at the start of the step.
+        curvature: of half the squares.
+    """
+
+    def rising(length: float) -> bool:
+        return slope + length * curvature + weight * ray.slope(length) > 0
+
+    shortest, longest = 0.0, min(_LONGEST, _TO_BORDER * ray.border)
+    if longest >= 1 and slope + curvature + weight * ray.slope(1.0) <= -_NEARLY * (slope + weight * ray.slope(0.0)):
+        return 1.0
+    for _ in range(_HALVINGS):
+        middle = (shortest + longest) / 2
+        shortest, longest = (shortest, middle) if rising(middle) else (middle, longest)
+    return shortest
 
 
 @dataclass(frozen=True, kw_only=True)

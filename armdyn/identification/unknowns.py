@@ -8,6 +8,7 @@ an inertia stops being one, and the same in every unit and frame.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -50,6 +51,27 @@ def prior_factor(inertia: pin.Inertia) -> Array:
     spread[:3, :3] = axes @ np.diag(np.sqrt(np.maximum(values, mass * LEAST_RADIUS**2)))
     spread[3, 3] = np.sqrt(mass)
     return at @ spread
+
+
+class Ray(NamedTuple):
+    """The divergence from some unknowns x to x + length · step."""
+
+    linear: float
+    """Slope but for the logarithms."""
+    quadratic: float
+    """Curvature of the offsets."""
+    rates: Array
+    """Relative changes of eigenvalues and positive numbers with the length, shape (4 bodies + positive,)."""
+
+    @property
+    def border(self) -> float:
+        """Length at which a body stops being physical, or a positive number positive."""
+        least = float(np.min(self.rates, initial=0.0))
+        return -1 / least if least < 0 else float(np.inf)
+
+    def slope(self, length: float) -> float:
+        """Derivative of the divergence by the length."""
+        return float(self.linear + length * self.quadratic - np.sum(self.rates / (1 + length * self.rates)))
 
 
 @dataclass(frozen=True)
@@ -105,20 +127,16 @@ class Unknowns:
         own = x[: 10 * len(self.joints)].reshape(-1, 10)
         return np.asarray(np.eye(4) + np.einsum("bk,kij->bij", own, BASIS))
 
-    def divergence(self, x: Array) -> float:
-        """Divergence from the prior; infinite where a body is unphysical or a positive number is not positive."""
+    def along(self, x: Array, step: Array) -> Ray:
+        """The divergence along a step, without differences of its values."""
         split = 10 * len(self.joints)
-        positive, free = 1 + x[split : split + self.positive], x[split + self.positive :]
-        if np.any(positive <= 0):
-            return float(np.inf)
-        relative = self._relative(x)
-        try:
-            factors = np.linalg.cholesky(relative)
-        except np.linalg.LinAlgError:
-            return float(np.inf)
-        log_determinants = 2 * np.log(np.einsum("bii->bi", factors)).sum()
-        own = np.einsum("bii->", relative) - 4 * len(relative) - log_determinants
-        return float(own + np.sum(positive - 1 - np.log(positive)) + free @ free / 2)
+        lower = np.linalg.inv(np.linalg.cholesky(self._relative(x)))
+        change = self._relative(step) - np.eye(4)
+        positive, free = step[split : split + self.positive], step[split + self.positive :]
+        turned = np.linalg.eigvalsh(lower @ change @ np.swapaxes(lower, 1, 2)).ravel()
+        linear = np.einsum("bii->", change) + np.sum(positive) + x[split + self.positive :] @ free
+        rates = np.concatenate([turned, positive / (1 + x[split : split + self.positive])])
+        return Ray(float(linear), float(free @ free), rates)
 
     def derivatives(self, x: Array) -> tuple[Array, Array]:
         """Gradient, shape (p,), and Hessian, shape (p, p), of the divergence."""

@@ -10,6 +10,7 @@ import armdyn as ad
 from armdyn.errors import LogError, ProblemError
 from armdyn.identification import FitOptions, IdentifyOptions, identify
 from armdyn.identification.equations import mean_regressor, rigid_torques
+from armdyn.identification.unknowns import Unknowns
 from oracles import random_states, robot_named
 from simulated_logs import fourier_states, simulated_log
 
@@ -36,6 +37,15 @@ def test_the_regressor_is_that_of_the_inverse_dynamics(name):
     columns = mean_regressor(robot, q, v, a, 1)
     free = rigid_torques(robot, q, v, a) - robot.model.armature * a
     np.testing.assert_allclose(columns @ parameters, free, atol=1e-10)
+
+
+def test_the_divergence_along_a_step_rises_as_its_gradient_says():
+    rng = np.random.default_rng(0)
+    unknowns = Unknowns((0, 1), np.tile(np.eye(4), (2, 1, 1)), *(np.ones(2) for _ in range(4)))
+    x, step = 0.1 * rng.normal(size=(2, unknowns.size))
+    ray = unknowns.along(x, step)
+    for length in (0.0, 0.5, 0.99 * min(ray.border, 3.0)):
+        assert ray.slope(length) == pytest.approx(unknowns.derivatives(x + length * step)[0] @ step, rel=1e-9)
 
 
 @pytest.mark.parametrize("name", ["rrr", "ur5"])
@@ -80,6 +90,26 @@ def test_payload(name):
     assert found.mass == pytest.approx(payload.mass, rel=0.01)
     seen = [0, 2] if name == "rrr" else [0, 1, 2]  # a planar arm feels nothing of y
     np.testing.assert_allclose(np.take(found.com, seen), np.take(payload.com, seen), atol=5e-3)
+
+
+@pytest.mark.slow
+def test_a_payload_far_from_the_tip():
+    prior = robot_named("z1")
+    loaded = prior.with_payload(ad.Payload(mass=3.0, com=(0.5, 0, 0))).with_friction(0.01, 0.02)
+    found = identify(prior, simulated_log(loaded, 1, duration=4.0), "payload", QUICK)
+    assert found.robot.payload.mass == pytest.approx(3.0, rel=0.01) and not found.warnings
+    np.testing.assert_allclose(found.robot.payload.com, (0.5, 0, 0), atol=0.01)
+
+
+@pytest.mark.slow
+def test_a_payload_that_the_prior_pulls_is_warned_of_and_is_found_from_one_near_it():
+    prior = robot_named("rr")
+    loaded = prior.with_payload(ad.Payload(mass=3.0, com=(0.5, 0, 0))).with_friction(0.01, 0.02)
+    log = simulated_log(loaded, 1, duration=4.0)
+    assert "give the robot a payload near" in identify(prior, log, "payload", QUICK).warnings[0]
+    near = prior.with_payload(ad.Payload(mass=2.0, com=(0.4, 0, 0)))
+    found = identify(near, log, "payload", QUICK)
+    assert found.robot.payload.mass == pytest.approx(3.0, rel=0.02) and not found.warnings
 
 
 @pytest.mark.slow

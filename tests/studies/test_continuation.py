@@ -99,5 +99,5 @@ def test_nothing_and_nonsense():
     with pytest.raises(ProblemError, match=r"problems\[1\] moves joint1, joint2; the first moves joint1"):
         continuation([paper_problem("r", 0.1), paper_problem("rr", 0.1)])
     guess = ad.solve_minimum_time(paper_problem("r", 0.1)).trajectory
-    with pytest.raises(ProblemError, match=r"guesses\[0\] moves 1 joints, rr has 2"):
+    with pytest.raises(ProblemError, match=r"guesses\[0\] moves 1 joint, rr has 2"):
         ad.solve_minimum_time(paper_problem("rr", 0.1), ad.MinimumTimeOptions(guesses=(guess,)))
