@@ -150,9 +150,8 @@ def _identify(arm: ad.Robot, logs: Sequence[str], options: IdentifyCommandOption
         file = write_whole(folder / _FILE, text.encode())
         report = write_identification(estimate, folder / _REPORT, Facts(result_head(estimate.robot) | made))
         files = save_results(folder, estimate.robot, {**facts, **made}, [file, report])
-    options_of = {"all links": f": leave out --{what}-only", "centre of mass": ": --payload and --payload-com"}
     for warning in estimate.warnings:
-        remedy = next((named for end, named in options_of.items() if warning.endswith(end)), "")
+        remedy = f": leave out --{what}-only" if warning.endswith("all links") else ""
         warnings.warn(f"{warning}{remedy}", ad.ArmdynWarning, stacklevel=2)
     return judged(facts, *_shown(estimate, files[0]), usable=not unfit, files=files)
 

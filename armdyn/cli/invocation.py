@@ -39,6 +39,9 @@ _PHRASES = {
     "RmsTorque": "--limit rms-torque",
     "TorqueRateLimit": "--limit torque-rate",
     "`geometry` False": "--no-geometry",
+    "a payload near the true one, with its centre of mass": (
+        "a payload near the true one, with its centre of mass: --payload and --payload-com"
+    ),
 }
 """Options of other expressions of Python in messages."""
 

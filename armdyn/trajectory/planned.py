@@ -139,7 +139,8 @@ def read_planned(path: str | os.PathLike[str], joint_names: Sequence[str]) -> Pl
 
 def _is_own(file: Path) -> bool:
     """Whether a table is one of `CsvTable`, by the unit of its torques: they are means until the next row."""
-    return f"[{UNITS['tau']}]".encode() in read_bounded(file, MAX_BYTES).partition(b"\n")[0]
+    with file.open("rb") as table:  # which has just been read: it is a file, and of bounded size
+        return f"[{UNITS['tau']}]".encode() in table.readline(MAX_BYTES)
 
 
 def joint_names_in(path: str | os.PathLike[str], ends: Sequence[str]) -> tuple[str, ...]:
