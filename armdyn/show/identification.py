@@ -67,7 +67,7 @@ def _verdict(estimate: Estimate) -> Verdict:
         return Verdict("bad", "Not to be used", f"{why[:1].upper()}{why[1:]}.")
     if estimate.warnings:
         text = estimate.warnings[0]
-        return Verdict("fair", "Other inertias than the file's", f"{text[:1].upper()}{text[1:]}.")
+        return Verdict("fair", "The robot differs from the arm of the logs", f"{text[:1].upper()}{text[1:]}.")
     judged, worse = estimate.judged, []
     if judged is not None:
         joints = zip(estimate.robot.joint_names, judged.before, judged.after, strict=True)
