@@ -94,7 +94,8 @@ def identify(
     mintime --for-tracking chooses the reserve with which all of them settle.
 
     A log that does not fit this arm is refused: degrees, another order of joints, currents, gaps, dead channels. Exit
-    code 3: the torques of the logs do not fit the motion, and the result should not be used.
+    code 3: the result should not be used; the torques do not fit the motion, or the robot's payload is far from the
+    one that moved.
 
     [dim]armdyn identify panda --exciting 10 --out log
     armdyn identify ur5 --exciting 10 --obstacle plane:0,0,1@0,0,-0.05 --self-collision --preset ur5
@@ -138,21 +139,20 @@ def _identify(arm: ad.Robot, logs: Sequence[str], options: IdentifyCommandOption
     from armdyn.show.results import result_head, save_results
 
     whole(options.likely, "likely", 0, _MOST_LIKELY)
-    what, settings = options.what, ad.IdentifyOptions(held_out=options.held_out)
+    settings = ad.IdentifyOptions(held_out=options.held_out)
     with working(f"identification of {arm.name}"):
-        estimate = ad.identify(arm, [ad.Log.load(log, arm) for log in logs], what, settings)
+        estimate = ad.identify(arm, [ad.Log.load(log, arm) for log in logs], options.what, settings)
         likely = estimate.likely(options.likely, options.confidence) if options.likely else ()
         text, count = _robot_file(estimate, likely, folder)
-        unfit = estimate.judged.unfit if estimate.judged is not None else ""
+        unfit = estimate.unfit
         facts: dict[str, object] = {"success": not unfit, "status": "unfit" if unfit else "identified"}
         facts |= _facts(estimate) | {"likely": count}
         made = invocation()
         file = write_whole(folder / _FILE, text.encode())
         report = write_identification(estimate, folder / _REPORT, Facts(result_head(estimate.robot) | made))
         files = save_results(folder, estimate.robot, {**facts, **made}, [file, report])
-    for warning in estimate.warnings:
-        remedy = f": leave out --{what}-only" if warning.endswith("all links") else ""
-        warnings.warn(f"{warning}{remedy}", ad.ArmdynWarning, stacklevel=2)
+    for warning in (f"do not use this result: {unfit}",) if unfit else estimate.warnings:
+        warnings.warn(warning, ad.ArmdynWarning, stacklevel=2)
     return judged(facts, *_shown(estimate, files[0]), usable=not unfit, files=files)
 
 

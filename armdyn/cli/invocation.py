@@ -42,6 +42,8 @@ _PHRASES = {
     "a payload near the true one, with its centre of mass": (
         "a payload near the true one, with its centre of mass: --payload and --payload-com"
     ),
+    "what='all' instead of 'payload'": "leave out --payload-only",
+    "what='all' instead of 'friction'": "leave out --friction-only",
 }
 """Options of other expressions of Python in messages."""
 

@@ -20,10 +20,6 @@ NORMAL_95 = 1.959964
 """Standard deviations within which 95 % of a normal distribution lie."""
 SEEN = 0.9
 """Least reduction of the prior's variance for a parameter to count as measured."""
-_LARGE, _SMALL, _WORSE = 0.5, 0.05, 1.2
-"""Torque errors on held-out data, as a part of the torques, above which a fit is useless; below which it is good; and
-as a multiple of the given robot's, above which it is worse. Simulated logs with 1 % of noise leave 0.01 at most, random
-torques 0.8."""
 _BARRIER = 0.1
 """Weight of the divergence that keeps likely arms physical, as a part of the fit's: it moves measured parameters
 by less than a hundredth."""
@@ -93,21 +89,6 @@ class Judged:
         """Root mean square of the fit's torque errors [N m or N], shape (nv,)."""
         return _rms(self.torque - self.fitted)
 
-    @property
-    def unfit(self) -> str:
-        """Why the fit should not be used, in a sentence; empty: it may be."""
-        moved = self.measured > 0
-        if not np.any(moved):
-            return ""
-        before, after = (float(np.median(one[moved] / self.measured[moved])) for one in (self.before, self.after))
-        if after <= _LARGE and after <= max(_WORSE * before, _SMALL):
-            return ""
-        return (
-            "the torques of the logs have little to do with the motion, or the model does not fit: on the end of the "
-            f"logs the torque errors are {100 * after:.3g} % of the torques after the fit, {100 * before:.3g} % before "
-            "it (root mean squares, the median of the joints): do not use this result"
-        )
-
 
 def _rms(values: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
@@ -129,8 +110,8 @@ class Estimate:
         measured_combinations: number of those that this log measures better than the prior.
         condition: condition number of the regressor on those combinations, unknowns relative to the prior.
         unmoved: joints that hardly move in the logs.
-        warnings: a sentence where the fit should not be used, `Judged.unfit`, or else where inertias that are taken
-            from the robot contradict the logs.
+        unfit: why the estimate should not be used, in a sentence; empty: it may be.
+        warnings: a sentence where inertias that are taken from the robot contradict the logs.
     """
 
     robot: Robot
@@ -143,13 +124,14 @@ class Estimate:
     measured_combinations: int
     condition: float
     unmoved: tuple[str, ...]
+    unfit: str = ""
     warnings: tuple[str, ...] = ()
     equations: Equations = field(repr=False)
     fit: Fit = field(repr=False)
 
     def _repr_parts(self) -> list[str]:
         measured = f"{self.measured_combinations} of {self.combinations} combinations measured"
-        return [self.robot.name, measured, f"condition {self.condition:.3g}"]
+        return [self.robot.name, *(["unfit"] if self.unfit else []), measured, f"condition {self.condition:.3g}"]
 
     def torques(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """Predicted torques at the joints, friction and offset included [N m or N], shape (nv,) or (n, nv).

@@ -30,6 +30,10 @@ up to 10 % wrong."""
 _SIGNIFICANT = 1e-3
 """Torque residuals of a joint, as a part of its torque limit, below which they are no evidence of wrong inertias: the
 samples of a simulated log without noise leave up to 3e-4, measured torques several times 1e-3."""
+_LARGE, _SMALL, _WORSE = 0.5, 0.05, 1.2
+"""Torque errors on held-out data, as a part of the torques, above which a fit is useless; below which it is good; and
+as a multiple of the given robot's, above which it is worse. Simulated logs with 1 % of noise leave 0.01 at most, random
+torques 0.8."""
 _PULLED = 1.1
 """Torque residuals as a multiple of those without the prior from which it determines what the logs tell otherwise: at
 most 1.02 in 60 fits of payloads of 0.3 and 3 kg at and 0.5 m off the tips of five arms where the mass is within 5 %, at
@@ -117,8 +121,8 @@ def identify(
         begun = _estimate(robot, [one.part(0.0, kept) for one in systems], None, unmoved, options)
         judged = _judged(robot, begun, rest, options.step)
     estimate = _estimate(robot, systems, judged, unmoved, options)
-    if warning := (judged is not None and judged.unfit) or _pulled(estimate.fit):
-        return replace(estimate, warnings=(warning,))
+    if unfit := _unfit(estimate):
+        return replace(estimate, unfit=unfit)
     return estimate if what == "all" else replace(estimate, warnings=_warnings(robot, estimate, signals, options))
 
 
@@ -132,11 +136,21 @@ def _estimate(
         raise LogError(f"the logs cannot be fitted: {_FAR}") from None
 
 
-def _pulled(found: Fit) -> str:
-    """The warning where the prior determines what the logs tell otherwise; else empty."""
-    normal = found.normal
-    free = np.asarray(np.linalg.lstsq(normal.matrix, normal.vector, rcond=1e-12)[0], dtype=float)
-    ratio = float(np.sqrt(normal.squares(found.x) / max(normal.squares(free), 1e-300)))
+def _unfit(estimate: Estimate) -> str:
+    """Why the result should not be used: the motion does not explain the torques, or the prior contradicts them."""
+    judged = estimate.judged
+    if judged is not None and np.any(moved := judged.measured > 0):
+        errors = judged.before, judged.after
+        before, after = (float(np.median(one[moved] / judged.measured[moved])) for one in errors)
+        if after > _LARGE or after > max(_WORSE * before, _SMALL):
+            return (
+                "the torques of the logs have little to do with the motion, or the model does not fit: on the end of "
+                f"the logs the torque errors are {100 * after:.3g} % of the torques after the fit, {100 * before:.3g} "
+                "% before it (root mean squares, the median of the joints)"
+            )
+    fit = estimate.fit
+    free = np.asarray(np.linalg.lstsq(fit.normal.matrix, fit.normal.vector, rcond=1e-12)[0], dtype=float)
+    ratio = float(np.sqrt(fit.normal.squares(fit.x) / max(fit.normal.squares(free), 1e-300)))
     if ratio < _PULLED:
         return ""
     return f"torque residuals are {ratio:.3g} times those of a fit that knows nothing of the robot's masses: {_FAR}"
@@ -171,7 +185,8 @@ def _warnings(robot: Robot, estimate: Estimate, signals: list[Signals], options:
     parts = zip(robot.joint_names, whole.noise / found.noise, significant, strict=True)
     joints = ", ".join(f"{joint} to {100 * part:.0f} %" for joint, part, own in parts if own and part < _EXPLAINED)
     warning = f"the logs ask for other inertias of the links, with which torque residuals fall in {joints}"
-    return (f"{warning}; the {equations.what} alone makes up for them: identify all links",) if joints else ()
+    remedy = f"identify all links (what='all' instead of '{equations.what}')"
+    return (f"{warning}; the {equations.what} alone makes up for them: {remedy}",) if joints else ()
 
 
 def _judged(robot: Robot, estimate: Estimate, signals: list[Signals], step: float) -> Judged:

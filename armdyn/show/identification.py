@@ -63,11 +63,11 @@ def write_identification(estimate: Estimate, path: str | os.PathLike[str], comma
 
 def _verdict(estimate: Estimate) -> Verdict:
     """Verdict on an identification."""
-    if estimate.judged is not None and (why := estimate.judged.unfit):
+    if why := estimate.unfit:
         return Verdict("bad", "Not to be used", f"{why[:1].upper()}{why[1:]}.")
     if estimate.warnings:
         text = estimate.warnings[0]
-        return Verdict("fair", "The robot differs from the arm of the logs", f"{text[:1].upper()}{text[1:]}.")
+        return Verdict("fair", "The robot's links differ from those of the logs", f"{text[:1].upper()}{text[1:]}.")
     judged, worse = estimate.judged, []
     if judged is not None:
         joints = zip(estimate.robot.joint_names, judged.before, judged.after, strict=True)

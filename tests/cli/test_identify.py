@@ -97,7 +97,7 @@ def test_a_payload_that_makes_up_for_wrong_inertias_is_warned_of(tmp_path):
         )
     )
     assert facts["status"] == "identified"
-    assert re.fullmatch(r"the logs ask for other inertias .*: leave out --payload-only", *facts["warnings"])
+    assert re.fullmatch(r"the logs ask for other inertias .* \(leave out --payload-only\)", *facts["warnings"])
     assert "The logs ask for other inertias of the links" in Path(facts["files"][1]).read_text()
 
 
@@ -105,8 +105,12 @@ def test_a_payload_that_makes_up_for_wrong_inertias_is_warned_of(tmp_path):
 def test_the_prior_that_a_heavy_payload_takes_is_given_by_options(tmp_path):
     file = table_of(RRR.with_payload(ad.Payload(mass=3.0, com=(0.5, 0, 0))).with_friction(0.02, 0.03), tmp_path)
     command = ("identify", "rrr", file, "--payload-only", "--likely", 0, "--out", tmp_path / "x", "--json")
-    (warning,) = answer(run_here(*command))["warnings"]
-    assert warning.endswith("a payload near the true one, with its centre of mass: --payload and --payload-com")
+    unfit = answer(run_here(*command), code=3)
+    assert unfit["status"] == "unfit"
+    (warning,) = unfit["warnings"]
+    assert warning.startswith("do not use this result: torque residuals are ") and warning.endswith(
+        "a payload near the true one, with its centre of mass: --payload and --payload-com"
+    )
     found = answer(run_here(*command, "--payload", 2, "--payload-com", "0.4,0,0"))
     assert not found["warnings"]
     assert found["parameters"][0]["value"] == pytest.approx(3.0, rel=0.01)
