@@ -13,7 +13,7 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import cache
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkProcess
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 from threadpoolctl import ThreadpoolController
 
@@ -22,7 +22,6 @@ from armdyn.locks import one_at_a_time
 Result = TypeVar("Result")
 Job = TypeVar("Job")
 Context = TypeVar("Context")
-Context_co = TypeVar("Context_co", covariant=True)
 
 _GRACE = 0.75
 """Grace period [s]: workers still running after it are interrupted again, and after a second one killed, so that
@@ -73,46 +72,14 @@ def _in_order(
         yield here(job) if found is None else found[0]
 
 
-class SharedPool(Protocol[Context_co]):
-    """Pool of workers that share an object, for series of jobs one after the other; see `shared_pool`."""
-
-    def results(self, jobs: Sequence[Callable[[Context_co], Result]]) -> Generator[Result]:
-        """Results of jobs in their order, as by `in_processes`.
-
-        Args:
-            jobs: functions of the object; to processes they are pickled.
-        """
-        ...
-
-
-class _SharedThreads(Generic[Context]):
-    def __init__(self, context: Context, executor: ThreadPoolExecutor):
-        self._context, self._executor = context, executor
-
-    def results(self, jobs: Sequence[Callable[[Context], Result]]) -> Generator[Result]:
-        under_way = [self._executor.submit(job, self._context) for job in jobs]
-        try:
-            for future in under_way:
-                yield future.result()
-        finally:
-            for future in under_way:
-                future.cancel()
-
-
-class _SharedProcesses(Generic[Context]):
-    def __init__(self, context: Context, pool: "ForkPool[Any]"):
-        self._context, self._pool = context, pool
-
-    def results(self, jobs: Sequence[Callable[[Context], Result]]) -> Generator[Result]:
-        try:
-            yield from _in_order(self._pool, jobs, lambda job: job(self._context))
-        finally:
-            self._pool.drop()
-
-
 @contextmanager
-def shared_pool(context: Context, workers: int | None, threads: bool = False) -> Iterator[SharedPool[Context]]:
+def shared_pool(
+    context: Context, workers: int | None, threads: bool = False
+) -> Iterator[Callable[[Sequence[Callable[[Context], Any]]], Generator[Any]]]:
     """Pool for several series of jobs: forks take longer than small solves.
+
+    Yields a function of a series of jobs, which yields their results in their order, as `in_processes` does. Jobs are
+    functions of the context; to processes they are pickled.
 
     Args:
         context: object that the jobs are functions of. Processes have it as it was when the first jobs came.
@@ -120,13 +87,28 @@ def shared_pool(context: Context, workers: int | None, threads: bool = False) ->
         threads: of this process instead of forks, for jobs that work where the interpreter's lock is let go. Those
             running when the caller stops iterating go on to their end.
     """
+
+    def here(job: Callable[[Context], Any]) -> Any:
+        return job(context)
+
     count = workers or core_count()
     if threads and count > 1 and not _is_worker():
+
+        def in_threads(jobs: Sequence[Callable[[Context], Any]]) -> Generator[Any]:
+            yield from executor.map(here, jobs)
+
         with ThreadPoolExecutor(count) as executor:
-            yield _SharedThreads(context, executor)
+            yield in_threads
         return
-    with fork_pool(lambda job: job(context), count if _worth_forks(count, 2) else 0) as pool:
-        yield _SharedProcesses(context, pool)
+
+    def in_forks(jobs: Sequence[Callable[[Context], Any]]) -> Generator[Any]:
+        try:
+            yield from _in_order(pool, jobs, here)
+        finally:
+            pool.drop()
+
+    with fork_pool(here, count if _worth_forks(count, 2) else 0) as pool:
+        yield in_forks
 
 
 @contextmanager

@@ -50,7 +50,7 @@ def plus(k, context):
 
 def test_a_shared_pool_forks_once_for_all_series_of_jobs():
     with shared_pool([100], 2) as pool:
-        first, second = (list(pool.results([partial(plus, k) for k in series])) for series in (range(6), range(6, 10)))
+        first, second = (list(pool([partial(plus, k) for k in series])) for series in (range(6), range(6, 10)))
     assert [result for result, _ in first + second] == [100 + k for k in range(10)]
     assert len({pid for _, pid in first + second} - {HERE}) == 2
 
@@ -67,7 +67,7 @@ def in_a_thread(event, k, context):
 def test_threads_share_the_process_and_keep_the_order():
     event = threading.Event()
     with shared_pool([100], 2, threads=True) as pool:
-        results = list(pool.results([partial(in_a_thread, event, k) for k in range(4)]))
+        results = list(pool([partial(in_a_thread, event, k) for k in range(4)]))
     assert [(result, pid) for result, pid, _ in results] == [(100 + k, HERE) for k in range(4)]
     assert threading.get_ident() not in {thread for _, _, thread in results}
 
@@ -78,7 +78,7 @@ def refused(context):
 
 def test_an_error_in_a_thread_is_raised_here():
     with shared_pool("no", 2, threads=True) as pool, pytest.raises(ValueError, match="no"):
-        list(pool.results([refused, refused]))
+        list(pool([refused, refused]))
 
 
 def endless(k, context):
@@ -89,14 +89,14 @@ def endless(k, context):
 
 def test_a_shared_pool_works_on_when_a_series_is_not_read_to_its_end():
     with shared_pool([100], 2) as pool:
-        with closing(pool.results([partial(endless, k) for k in range(4)])) as results:
+        with closing(pool([partial(endless, k) for k in range(4)])) as results:
             next(results)
-        assert [result for result, _ in pool.results([partial(plus, k) for k in range(4)])] == [100, 101, 102, 103]
+        assert [result for result, _ in pool([partial(plus, k) for k in range(4)])] == [100, 101, 102, 103]
 
 
 def test_a_shared_pool_of_one_works_here():
     with shared_pool([100], 1) as pool:
-        assert list(pool.results([partial(plus, 1)])) == [(101, HERE)]
+        assert list(pool([partial(plus, 1)])) == [(101, HERE)]
 
 
 def overtaken(event, k):

@@ -14,7 +14,7 @@ from armdyn.optimal.problem.status import Stop
 from armdyn.optimal.task.options import LEAST_TOLERANCE, RELATIVE_GOAL_TOLERANCE, MinimumTimeOptions, SolverSettings
 from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.tableau import Scheme
-from armdyn.parallel import SharedPool, shared_pool
+from armdyn.parallel import shared_pool
 from armdyn.reprs import joints_of
 
 Result = TypeVar("Result")
@@ -49,7 +49,7 @@ class Task:
         stop: stopping condition, polled every few iterations.
         progress: called with a line of text on the current step.
         lower_bound: returns the proven lower bound on the duration [s], perhaps after a wait; None: no bound is known.
-        pool: worker pool of `results`; None: each series of jobs starts its own.
+        pool: function of a worker pool that `results` calls, see `shared_pool`; None: each series starts its own pool.
     """
 
     problem: MinimumTimeProblem
@@ -60,7 +60,7 @@ class Task:
     stop: Stop = field(default_factory=Stop)
     progress: Callable[[str], None] = _ignore
     lower_bound: Callable[[], float | None] = _no_bound
-    pool: SharedPool[Any] | None = None
+    pool: Callable[[Sequence[Callable[[Any], Any]]], Iterator[Any]] | None = None
 
     @classmethod
     def of(
@@ -132,7 +132,7 @@ class Task:
             jobs: functions of the task, in its state when the pool was made; they are pickled.
         """
         if self.pool is not None:
-            yield from self.pool.results(jobs)
+            yield from self.pool(jobs)
             return
         with self.pooled() as task:
             yield from task.results(jobs)
