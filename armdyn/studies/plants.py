@@ -185,7 +185,7 @@ def with_payload_times(robot: Robot, factor: float) -> Robot:
     body = model.inertias[frame.parentJoint].toDynamicParameters()
     more = (factor - 1) * frame.placement.act(payload_inertia(load)).toDynamicParameters()
     model.inertias[frame.parentJoint] = pin.Inertia.FromDynamicParameters(body + more)
-    moments = tuple(factor * part for part in load.inertia)
+    moments = np.multiply(factor, load.inertia)
     return replace(robot, model=model, payload=replace(load, mass=factor * load.mass, inertia=moments))
 
 

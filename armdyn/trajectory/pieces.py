@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import Checked, checked, each, expect, number, numbers, shown, text
 from armdyn.arrays import Array, Flags
@@ -48,7 +49,7 @@ class Load(Checked):
         mass: [kg]; 0: nothing is carried.
         com: centre of mass in `frame` [m], three numbers.
         inertia: about the centre of mass, along the axes of `frame` [kg m²]: Ixx, Iyy, Izz, Ixy, Ixz, Iyz; may be given
-            as three moments, or as the symmetric matrix.
+            as three moments, or as the symmetric matrix; kept as a tuple of six.
         frame: name of the frame that the body is fixed to.
         at_flange: the same body in the frame of the arm's flange, as robots' controllers take it; None: not known.
 
@@ -59,8 +60,8 @@ class Load(Checked):
     mass: float = checked(
         number, name="load mass", unit="kg", sign="not negative", most=_LARGEST, error=TrajectoryError
     )
-    com: tuple[float, ...] = checked(_row, (0.0, 0.0, 0.0))
-    inertia: tuple[float, ...] = checked(_row, (0.0,) * 6)
+    com: Sequence[float] | Array = checked(_row, (0.0, 0.0, 0.0))
+    inertia: ArrayLike = checked(_row, (0.0,) * 6)
     frame: str = checked(text, "", name="load frame", error=TrajectoryError)
     at_flange: Load | None = None
 

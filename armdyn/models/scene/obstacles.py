@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from armdyn.arguments import number, several, shown
 from armdyn.errors import ArmdynError, FileError, ProblemError, did_you_mean
-from armdyn.files import file_inside, read_json
+from armdyn.files import attributes, file_inside, read_json
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.mesh import Group, Mesh
 from armdyn.models.scene.point_cloud import HeightMap, PointCloud
@@ -191,7 +191,7 @@ def _arguments(entry: Mapping[str, Any], what: str, folder: str | os.PathLike[st
 
 def payload_entry(body: Payload) -> dict[str, Any]:
     """Entry of a payload or tool for files, the inverse of `payload_from` and `tool_from`."""
-    entry: dict[str, Any] = {"mass": body.mass, "com": list(body.com), "inertia": list(body.inertia)}
+    entry = attributes(body, "mass", "com", "inertia")
     entry |= {} if body.frame is None else {"frame": body.frame}
     entry |= {} if body.name == "payload" else {"name": body.name}
     if shapes := [obstacle_entry(shape) for shape in body.shapes if isinstance(shape, Obstacle)]:

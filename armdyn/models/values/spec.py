@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol, Self, runtime_checkable
 
@@ -105,68 +105,50 @@ class BodyShape(Protocol):
 def _moments(inertia: ArrayLike, name: str) -> tuple[float, ...]:
     """Check a payload's inertia [kg m²]: three moments, or three moments and three products."""
     expected = "three moments, three moments and three products, or a symmetric 3 × 3 matrix [kg m²]"
-    array = numbers(inertia, f"payload {name}", expected, error=SpecError)
+    array = numbers(inertia, name, expected, error=SpecError)
     if array.shape == (3, 3) and np.array_equal(array, array.T):
         array = np.concatenate([np.diag(array), array[np.triu_indices(3, 1)]])
     if array.shape not in ((3,), (6,)) or not np.all(np.isfinite(array)):
-        raise SpecError(f"payload {name} is {shown(inertia)} kg m²; it must be finite: {expected}")
+        raise SpecError(f"{name} is {shown(inertia)} kg m²; it must be finite: {expected}")
     return tuple(array.tolist())
 
 
 def _body_shapes(shapes: object, name: str) -> tuple[BodyShape, ...]:
-    members = several(shapes, f"payload {name}", error=SpecError)
+    members = several(shapes, name, error=SpecError)
     if wrong := [one for one in members if isinstance(one, type) or not isinstance(one, BodyShape)]:
-        raise SpecError(f"payload {name} have {shown(wrong[0])}; they are such as Box((0.1, 0.1, 0.2), (0, 0, 0.1))")
+        raise SpecError(f"{name} have {shown(wrong[0])}; they are such as Box((0.1, 0.1, 0.2), (0, 0, 0.1))")
     return members  # type: ignore[return-value]  # just checked
 
 
 @brief
-@dataclass(frozen=True, kw_only=True, init=False)
+@dataclass(frozen=True, kw_only=True)
 class Payload(Checked):
     """A rigid body fixed to a link; a point mass unless an inertia is given.
 
     Attributes:
         mass: [kg]; zero: it weighs nothing.
-        com: centre of mass in `frame` [m]; at a generated arm's tip x is along the last link.
-        inertia: about its centre of mass, along the axes of `frame` [kg m²]: Ixx, Iyy, Izz, Ixy, Ixz, Iyz.
+        com: centre of mass in `frame` [m], shape (3,); at a generated arm's tip x is along the last link. Kept as a
+            tuple.
+        inertia: about its centre of mass, along the axes of `frame` [kg m²]: Ixx, Iyy, Izz, these and Ixy, Ixz, Iyz,
+            or the symmetric matrix. Kept as a tuple of three or six.
         frame: the link or other frame it is fixed to, any that moves; None: the tip.
         shapes: solids that it consists of, such as `Box`, placed in `frame`: they are kept clear of obstacles, and
             with `self_collision` of the links on other joints. None of them: it has no size.
         name: in messages and `allowed_contacts`.
+
+    Raises:
+        SpecError: not finite, of another shape, or no body has such an inertia.
     """
 
     mass: float = checked(number, name="payload mass", unit="kg", sign="not negative", error=SpecError)
-    com: tuple[float, ...] = checked(point, name="payload com [m]", error=SpecError)
-    inertia: tuple[float, ...] = checked(_moments)
+    com: Sequence[float] | Array = checked(point, (0.0, 0.0, 0.0), name="payload com [m]", error=SpecError)
+    inertia: ArrayLike = checked(_moments, (0.0, 0.0, 0.0), name="payload inertia")
     frame: str | None = checked(text, None, name="payload frame", error=SpecError)
-    shapes: tuple[BodyShape, ...] = checked(_body_shapes)
-    name: str = checked(text, name="payload name", error=SpecError)
+    shapes: Sequence[BodyShape] = checked(_body_shapes, (), name="payload shapes")
+    name: str = checked(text, "payload", name="payload name", error=SpecError)
 
-    def __init__(
-        self,
-        *,
-        mass: float,
-        com: ArrayLike = (0.0, 0.0, 0.0),
-        inertia: ArrayLike = (0.0, 0.0, 0.0),
-        frame: str | None = None,
-        shapes: Iterable[BodyShape] = (),
-        name: str = "payload",
-    ):
-        """A payload from its mass, and inertia in one of several forms.
-
-        Args:
-            mass: [kg].
-            com: [m], shape (3,).
-            inertia: [kg m²]: the three moments, these and the products Ixy, Ixz, Iyz, or the symmetric matrix.
-            frame: see above.
-            shapes: see above.
-            name: see above.
-
-        Raises:
-            SpecError: not finite, of another shape, or no body has such an inertia.
-        """
-        vars(self).update(mass=mass, com=com, inertia=inertia, frame=frame, shapes=shapes, name=name)
-        self.__post_init__()
+    def __post_init__(self) -> None:
+        super().__post_init__()
         a, b, c = np.linalg.eigvalsh(self.tensor)
         slack = 1e-9 * max(abs(a), abs(c))
         if a < -slack or a + b < c - slack:
@@ -175,7 +157,9 @@ class Payload(Checked):
     @property
     def tensor(self) -> Array:
         """The inertia as a matrix [kg m²], shape (3, 3)."""
-        xx, yy, zz, xy, xz, yz = self.inertia if len(self.inertia) == 6 else (*self.inertia, 0.0, 0.0, 0.0)
+        moments = np.zeros(6)
+        moments[: np.size(self.inertia)] = self.inertia
+        xx, yy, zz, xy, xz, yz = moments
         return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
     @classmethod
@@ -188,45 +172,31 @@ class Payload(Checked):
         return Payload(mass=mass, com=(last.com - last.length, 0.0, 0.0))
 
 
+def _tip(tip: Placement, name: str) -> tuple[tuple[float, ...], ...]:
+    try:
+        return pose_rows(tip, name)
+    except ProblemError as error:
+        raise SpecError(str(error)) from None
+
+
 @brief
-@dataclass(frozen=True, kw_only=True, init=False)
+@dataclass(frozen=True, kw_only=True)
 class Tool(Payload):
     """A rigid body that stays on the arm, with the arm's tip: a payload hangs there unless it names a frame.
 
     Attributes:
-        tip: placement of the tip in `frame`, rows of a matrix of shape (4, 4) [m].
+        mass: see `Payload`; so are com, inertia and shapes.
+        frame: see `Payload`; None: the arm's own tip.
+        name: in messages and `allowed_contacts`, and of the frame at its tip.
+        tip: placement of the tip in `frame`: a position [m], shape (3,), or a pose, shape (4, 4) or `pin.SE3`. Kept as
+            the rows of the matrix.
+
+    Raises:
+        SpecError: see `Payload`; or the tip is no placement.
     """
 
-    tip: tuple[tuple[float, ...], ...]
+    name: str = checked(text, "tool", name="payload name", error=SpecError)
+    tip: Placement = checked(_tip)
 
-    def __init__(
-        self,
-        *,
-        mass: float,
-        tip: Placement,
-        com: ArrayLike = (0.0, 0.0, 0.0),
-        inertia: ArrayLike = (0.0, 0.0, 0.0),
-        frame: str | None = None,
-        shapes: Iterable[BodyShape] = (),
-        name: str = "tool",
-    ):
-        """A tool.
-
-        Args:
-            mass: [kg].
-            tip: a position in `frame` [m], shape (3,), or a pose, shape (4, 4) or `pin.SE3`.
-            com: see `Payload`.
-            inertia: see `Payload`.
-            frame: see `Payload`; None: the arm's own tip.
-            shapes: see `Payload`.
-            name: in messages and `allowed_contacts`, and of the frame at its tip.
-
-        Raises:
-            SpecError: see `Payload`; or the tip is no placement.
-        """
-        super().__init__(mass=mass, com=com, inertia=inertia, frame=frame, shapes=shapes, name=name)
-        try:
-            pose = pose_rows(tip, f"tip of tool {name!r}")
-        except ProblemError as error:
-            raise SpecError(str(error)) from None
-        object.__setattr__(self, "tip", pose)
+    def _of_whom(self) -> str:
+        return f" of tool {shown(self.name)}"

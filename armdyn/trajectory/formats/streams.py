@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from armdyn.arguments import Checked, checked, each, number
 from armdyn.errors import TrajectoryError
+from armdyn.files import as_json
 
 if TYPE_CHECKING:
     from armdyn.trajectory.pieces import Load
@@ -94,7 +95,7 @@ class Stream(Checked):
                 f"a load of {load.mass:g} kg is in the frame {own.frame!r}; {self.name} takes it in that of the "
                 f"flange, {self.flange}: load_of(robot) gives both where the robot's model has that frame"
             )
-        return own.mass, list(own.com), list(own.inertia)
+        return own.mass, as_json(own.com), as_json(own.inertia)
 
     @classmethod
     def check_joints(cls, count: int) -> None:
