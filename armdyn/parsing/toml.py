@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any
 
-from armdyn.arguments import number, one_of, shown, whole
+from armdyn.arguments import one_of, shown, whole
 from armdyn.errors import ArmdynError, FileError, ProblemError, did_you_mean
 from armdyn.files import read_bounded
 
@@ -164,15 +164,6 @@ class Table:
         """
         with self.at(key):
             return whole(self.values.get(key, default), self.called(key), least)
-
-    def number(self, key: str, default: float) -> float:
-        """A positive number.
-
-        Raises:
-            ProblemError: it is something else.
-        """
-        with self.at(key):
-            return number(self.values.get(key, default), self.called(key), sign="positive")
 
 
 def read_toml(path: str | os.PathLike[str]) -> Table:

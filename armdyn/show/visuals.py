@@ -20,7 +20,7 @@ from armdyn.locks import built_once
 from armdyn.models import Robot
 from armdyn.models.reading.meshes import geometries, load_meshes, origin
 from armdyn.models.reading.urdf_check import parse_urdf
-from armdyn.models.scene.bodies import elements_of_links
+from armdyn.models.scene.bodies import elements_on_frames
 from armdyn.models.values.spec import BodyShape, Payload
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def robot_shapes(robot: Robot) -> list[VisualShape]:
     colors = {str(m.get("name")): rgba for m in root.findall("material") if (rgba := _rgba(m))}
     shapes: list[VisualShape] = []
     troubles: list[str] = []
-    for name, frame, visual in elements_of_links(robot, root, "visual"):
+    for name, frame, visual in elements_on_frames(robot, root, "visual"):
         material = visual.find("material")
         own = None if material is None else _rgba(material) or colors.get(str(material.get("name")))
         try:

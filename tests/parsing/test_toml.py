@@ -43,7 +43,7 @@ def test_a_complaint_says_the_line(toml):
         table.only(("b",))
     with pytest.raises(ProblemError, match=r"a is 1; it must be text"):
         table.text("a", "")
-    assert table.text("z", "there") == "there" and table.number("a", 2.0) == 1.0
+    assert table.text("z", "there") == "there"
 
 
 def test_an_error_gets_the_line_of_the_key_that_it_speaks_of_first(toml):

@@ -42,6 +42,12 @@ def origin(element: Element) -> Array:
     return matrix
 
 
+def elements_of_links(root: Element, tag: str) -> Iterator[tuple[str, Element]]:
+    """Elements "visual" or "collision" of a URDF, each with the name of its link."""
+    for link in root.findall("link"):
+        yield from ((str(link.get("name")), element) for element in link.findall(tag))
+
+
 def geometries(
     element: Element, folders: tuple[str, ...], missing: str | None = None
 ) -> Iterator[tuple[str, Array, Path | None]]:

@@ -21,7 +21,7 @@ from armdyn.models.robots.source import RobotOptions, RobotSource
 from armdyn.models.values.actuator_limits import ConstantTorque, TorqueSpeed
 from armdyn.models.values.friction import FrictionValue, JointFriction
 from armdyn.models.values.joint_limits import JointLimits
-from armdyn.models.values.per_joint import per_joint
+from armdyn.models.values.per_joint import expect_joint, per_joint
 from armdyn.models.values.spec import Payload, Tool
 from armdyn.models.values.urdf import TIP, positive_tensor
 from armdyn.rendering import renderer
@@ -289,8 +289,7 @@ class Arm(Checked):
             return self
         model = self.model.copy()
         for joint, given in inertias.items():
-            if joint not in self.joint_names:
-                raise SpecError(f"inertias: no joint {shown(joint)}{did_you_mean(str(joint), self.joint_names)}")
+            expect_joint(joint, self.joint_names, "inertias")
             own = numbers(given, f"inertias of {joint}", "ten finite numbers", error=SpecError)
             if own.shape != (10,) or not np.all(np.isfinite(own)) or np.max(np.abs(own)) > LARGEST:
                 raise SpecError(f"inertias of {joint} are {shown(given)}; they must be ten finite numbers")

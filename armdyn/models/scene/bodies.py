@@ -13,7 +13,7 @@ from armdyn.arguments import shown
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.locks import built_once
-from armdyn.models.reading.meshes import geometries, load_meshes, origin
+from armdyn.models.reading.meshes import elements_of_links, geometries, load_meshes, origin
 from armdyn.models.reading.urdf_check import parse_urdf
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.convex_parts import convex_hull, convex_parts
@@ -68,7 +68,7 @@ def bodies(robot: Robot) -> tuple[Body, ...]:
     root = parse_urdf(robot.urdf, robot.source)
     for tag in ("collision", "visual"):
         found: list[Body] = []
-        for name, frame, element in elements_of_links(robot, root, tag):
+        for name, frame, element in elements_on_frames(robot, root, tag):
             try:
                 at = frame.placement.homogeneous @ origin(element)
                 shapes = list(_shapes(element, robot.package_dirs))
@@ -80,13 +80,11 @@ def bodies(robot: Robot) -> tuple[Body, ...]:
     raise ProblemError(f"{robot.source} has no geometry, neither <collision> nor <visual>: contacts are unknown")
 
 
-def elements_of_links(robot: Robot, root: Element, tag: str) -> Iterator[tuple[str, pin.Frame, Element]]:
+def elements_on_frames(robot: Robot, root: Element, tag: str) -> Iterator[tuple[str, pin.Frame, Element]]:
     """Elements "visual" or "collision" of a URDF, each with name and frame of its link, of links that the robot has."""
-    for link in root.findall("link"):
-        name = str(link.get("name"))
+    for name, element in elements_of_links(root, tag):
         if robot.model.existFrame(name, pin.FrameType.BODY):
-            frame = robot.model.frames[robot.model.getFrameId(name, pin.FrameType.BODY)]
-            yield from ((name, frame, element) for element in link.findall(tag))
+            yield name, robot.model.frames[robot.model.getFrameId(name, pin.FrameType.BODY)], element
 
 
 _SIZES: dict[str, tuple[Any, tuple[str, ...]]] = {

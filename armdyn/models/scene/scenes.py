@@ -14,7 +14,7 @@ from armdyn.arguments import expect, number, shown
 from armdyn.arguments import path as path_of
 from armdyn.arrays import Array
 from armdyn.errors import ArmdynError, ProblemError, did_you_mean
-from armdyn.models.reading.meshes import geometries, mesh_folders, origin
+from armdyn.models.reading.meshes import elements_of_links, geometries, mesh_folders, origin
 from armdyn.models.reading.urdf_arm import configuration
 from armdyn.models.reading.urdf_check import dynamics_urdf, parse_urdf
 from armdyn.models.reading.urdf_xml import read_urdf
@@ -114,18 +114,15 @@ def cell_obstacles(
     root = parse_urdf(read_urdf(file), str(file))
     placements, folders = _link_placements(root, str(file), lock), mesh_folders(file, package_dirs)
     for tag in ("collision", "visual"):
-        found: list[Obstacle] = []
-        for link in root.findall("link"):
-            name = str(link.get("name"))
-            pieces: list[Obstacle] = []
-            for element in link.findall(tag):
-                try:
-                    pieces += _solids(element, placements[name] @ origin(element), folders, name)
-                except (ArmdynError, ValueError, OSError) as error:
-                    raise ProblemError(f"{file}: link {name!r}: {error}") from None
-            found += [grouped(pieces, name)] if pieces else []
-        if found:
-            return tuple(found)
+        pieces: dict[str, list[Obstacle]] = {}
+        for name, element in elements_of_links(root, tag):
+            try:
+                solids = list(_solids(element, placements[name] @ origin(element), folders, name))
+            except (ArmdynError, ValueError, OSError) as error:
+                raise ProblemError(f"{file}: link {name!r}: {error}") from None
+            pieces.setdefault(name, []).extend(solids)
+        if found := tuple(grouped(own, name) for name, own in pieces.items() if own):
+            return found
     raise ProblemError(f"{file}: no link has geometry, neither <collision> nor <visual>")
 
 

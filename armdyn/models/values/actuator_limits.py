@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 
 from armdyn.arguments import expect, numbers, shown
 from armdyn.arrays import Array, Flags
-from armdyn.errors import SpecError, did_you_mean
+from armdyn.errors import SpecError
 from armdyn.locks import cached_property
+from armdyn.models.values.per_joint import expect_joint
 
 _CONCAVE = 1e-9
 """Relative rounding of a curve's torques and slopes, which were typed with ten digits."""
@@ -154,11 +155,7 @@ class TorqueSpeed(ActuatorLimits):
         right = "joint name to [speed, torque] points"
         given = expect(self.curves, Mapping, "torque_speed", right, error=SpecError)  # type: ignore[type-abstract]
         for name in given:
-            if name not in self.joints:
-                meant = did_you_mean(str(name), self.joints)
-                raise SpecError(
-                    f"torque_speed: there is no joint {shown(name)}{meant}; there are {', '.join(self.joints)}"
-                )
+            expect_joint(name, self.joints, "torque_speed")
         curves = {name: _checked(name, points) for name, points in given.items()}
         object.__setattr__(self, "curves", curves)
 

@@ -10,8 +10,9 @@ import numpy as np
 
 from armdyn.arguments import each, expect, numbers, shown, text
 from armdyn.arrays import Array, Flags
-from armdyn.errors import ArmdynError, SpecError, did_you_mean
+from armdyn.errors import ArmdynError, SpecError
 from armdyn.models.values.actuator_limits import ActuatorLimits, ConstantTorque
+from armdyn.models.values.per_joint import expect_joint
 from armdyn.reprs import brief
 
 _CONSTANT = ConstantTorque(np.empty(0), np.empty(0))
@@ -76,9 +77,7 @@ class JointLimits:
         """
         names = each(passive, "passive", text, error=error)
         for name in names:
-            if name not in joints:
-                meant = did_you_mean(name, joints)
-                raise error(f"passive: there is no joint {shown(name)}{meant}; there are {', '.join(joints)}")
+            expect_joint(name, joints, "passive", error)
         if not names:
             return self
         motors = np.array([name not in names for name in joints])

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import Sign, numbers, violated_requirement
+from armdyn.arguments import Sign, numbers, shown, violated_requirement
 from armdyn.arrays import Array
-from armdyn.errors import ArmdynError, ProblemError, SpecError
+from armdyn.errors import ArmdynError, ProblemError, SpecError, did_you_mean
 
 PerJoint = float | tuple[float, ...]
 """One number for all joints, or one per joint."""
@@ -67,6 +67,13 @@ def expect_one_count(what: str, *given: PerJoint) -> None:
     counts = sorted({len(one) for one in given if isinstance(one, tuple)})
     if len(counts) > 1:
         raise ProblemError(f"{what} are for {' and '.join(map(str, counts))} joints at once")
+
+
+def expect_joint(name: str, joints: Sequence[str], what: str, error: type[ArmdynError] = SpecError) -> None:
+    """Refuse a name that none of the joints has; the message begins with the argument's name."""
+    if name not in joints:
+        meant = did_you_mean(str(name), joints)
+        raise error(f"{what}: there is no joint {shown(name)}{meant}; there are {', '.join(joints)}")
 
 
 def _expected(joints: Sequence[str] | None, scalar: bool) -> str:
