@@ -12,8 +12,11 @@ import psutil
 import pytest
 
 import armdyn as ad
+from armdyn.cli.motion.cycle import rate_of
+from armdyn.errors import ProblemError
 from armdyn.optimal.task.policy.bound import BoundPolicy
 from armdyn.parallel import core_count
+from armdyn.trajectory.formats import FORMATS
 from cli.command import COMMAND, answer, run, run_here, run_json
 from cycles import BOLT
 
@@ -83,6 +86,12 @@ def test_the_table_is_for_people(solved):
         "no cycle through",
     ):
         assert words in " ".join(done.stdout.split()), words
+
+
+def test_a_program_of_too_many_rows_is_exported_piece_by_piece(tmp_path):
+    assert rate_of(FORMATS["csv"], 450.0, tmp_path) == 250.0
+    with pytest.raises(ProblemError, match=r"--format urscript: 450 s at 500 Hz .* armdyn export .* --piece N"):
+        rate_of(FORMATS["urscript"], 450.0, tmp_path)
 
 
 @pytest.mark.slow

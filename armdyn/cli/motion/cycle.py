@@ -184,18 +184,32 @@ def _write(
     files = [write_whole(folder / _STEPS, csv_text([heads, *map(_cells, summary["steps"])]).encode())]
     suffixes = [kind.suffix for kind in formats]
     for kind in formats:
-        samples, _, _ = sampled(kind(), motion, None, _rate(kind, motion.duration))
+        samples, _, _ = sampled(kind(), motion, None, rate_of(kind, motion.duration, folder))
         own = f"trajectory{'' if suffixes.count(kind.suffix) == 1 else f'-{kind.name}'}{kind.suffix}"
         files.append(write_whole(folder / own, kind().text(samples).encode()))
     return written.with_files(files)
 
 
-def _rate(kind: type[OutputFormat], duration: float) -> float:
-    """Rows per second of a motion's file [Hz]: halved while there are too many, if no controller asks for the rate."""
+def rate_of(kind: type[OutputFormat], duration: float, folder: Path) -> float:
+    """Rows per second of a motion's file [Hz]: halved while there are too many, if no controller asks for the rate.
+
+    Args:
+        kind: the format.
+        duration: of the motion [s].
+        folder: with its trajectory.npz.
+
+    Raises:
+        ProblemError: there are too many at the controller's rate.
+    """
     from armdyn.trajectory.samples import MOST_SAMPLES
 
     rate = usual_rate(kind)
-    while duration * rate >= MOST_SAMPLES and not issubclass(kind, Stream):
+    while duration * rate + 1 > MOST_SAMPLES:
+        if issubclass(kind, Stream):
+            raise ProblemError(
+                f"--format {kind.name}: {duration:.4g} s at {rate:g} Hz are more than {MOST_SAMPLES} rows; the motion "
+                f"is written: armdyn export {folder / 'trajectory.npz'} --format {kind.name} --piece N for each piece"
+            )
         rate /= 2
     return rate
 

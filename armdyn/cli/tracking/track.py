@@ -29,7 +29,11 @@ _UNUSED = {
 class ReferenceOptions:
     """The reference, and the simulated time."""
 
-    reference: Path | None = option("FILE.npz", "A motion that was saved; by default the fastest one is searched.")
+    reference: Path | None = option(
+        "FILE",
+        "A motion that was saved, or another planner's, as armdyn optimality reads it; by default the fastest one is "
+        "searched.",
+    )
     ramp: float | None = option("S", "Instead of the fastest motion a quintic ramp of this duration \\[s].")
     duration: float = option(
         "S", "Simulated time \\[s]; if the motion takes longer, its duration and a second.", default=2.0
@@ -46,7 +50,8 @@ class ReferenceOptions:
             progress: called with a line of text per step.
 
         Raises:
-            ArmdynError: a file is no trajectory, two references are requested, or options of another one are given.
+            ArmdynError: a file is no motion of the arm, two references are requested, or options of another one are
+                given.
             KeyboardInterrupt: Ctrl-C came during the search.
         """
         if self.reference is not None and self.ramp is not None:
@@ -56,7 +61,9 @@ class ReferenceOptions:
             if others and getattr(self, name) is not None:
                 raise ProblemError(f"{others[0]} does not change the motion of --{name}: leave it out")
         if self.reference is not None:
-            return ad.Trajectory.load(self.reference)
+            from armdyn.cli.reports.saved import motion_of
+
+            return motion_of(task.arm, self.reference)
         if self.ramp is not None:
             return ad.ramp(task.arm, *task.ends(), checked(self.ramp, "--ramp", sign="positive"))
         solution = ad.solve_minimum_time(task.problem(), ad.MinimumTimeOptions(**task.solver_options), progress)
