@@ -14,7 +14,7 @@ from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from platform import python_version
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -177,16 +177,13 @@ def load_result(path: str | os.PathLike[str]) -> dict[str, Any]:
     return facts
 
 
-Part = Literal["figure", "report"]
-PARTS: tuple[Part, ...] = ("figure", "report")
-"""Drawings of a motion."""
+DRAWN = {"figure": ("figure.png", "figure.pdf"), "report": ("report.html",)}
+"""Drawings of a motion, with their files."""
 
 
-def file_names(parts: Collection[Part] = PARTS, motions: Iterable[str] = ("trajectory",)) -> list[str]:
+def file_names(parts: Iterable[str], motions: Iterable[str]) -> list[str]:
     """The files that `write_run` writes."""
-    drawn = {"figure": ["figure.png", "figure.pdf"], "report": ["report.html"]}
-    saved = [f"{name}.npz" for name in motions]
-    return [*saved, *(name for part in PARTS if part in parts for name in drawn[part]), "result.json"]
+    return [*(f"{name}.npz" for name in motions), *(name for part in parts for name in DRAWN[part]), "result.json"]
 
 
 def write_run(
@@ -197,7 +194,7 @@ def write_run(
     title: str,
     obstacles: Sequence[Obstacle] = (),
     *,
-    parts: Collection[Part] = PARTS,
+    parts: Collection[str] = tuple(DRAWN),
     progress: Callable[[str], None] | None = None,
 ) -> list[Path]:
     """Write the motions (trajectory.npz), figure.png, figure.pdf, report.html and result.json.
@@ -209,7 +206,7 @@ def write_run(
         summary: facts of result.json, besides the files.
         title: of the figure and the report.
         obstacles: drawn in the report, and said in result.json.
-        parts: the drawings.
+        parts: the drawings, of `DRAWN`.
         progress: called with the name of the current step.
 
     Returns:

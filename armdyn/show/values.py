@@ -18,9 +18,9 @@ from armdyn.control.tracking.run import Run
 from armdyn.models import Robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.answer.solution import Solution, minimum_time_summary
-from armdyn.optimal.answer.words import verdict
+from armdyn.optimal.answer.table import solution_title, solution_words
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.reprs import joints_of, percent
+from armdyn.reprs import joints_of
 from armdyn.show.figures.style import COLORS, INK, LOOK, literal
 from armdyn.show.markup import Html, element, inline_svg, join
 from armdyn.show.page.scene import joint_poses
@@ -81,22 +81,9 @@ def _problem(problem: MinimumTimeProblem) -> Html:
 
 @card.register
 def _solution(solution: Solution) -> Html:
-    facts = {"status": solution.message, "verdict": verdict(solution)}
-    if solution.moves:
-        facts["duration"] = f"{solution.duration:.6f} s"
-    if solution.gap is not None and solution.moves:
-        above = f"; at most {percent(max(solution.gap, 0.0))} above it" if solution.gap_proven else ""
-        facts["no motion is faster than"] = f"{solution.lower_bound:.6f} s{above}"
-    if solution.decides:
-        facts["time decided by"] = ", ".join(f"{one.name} {100 * one.part:.3g} %" for one in solution.decides[:3])
-    if solution.local_optima:
-        facts["other optima"] = ", ".join(f"{x:.4f}" for x in solution.local_optima[:5]) + " s"
-    for line in solution.what_to_do:
-        facts["what you can do"] = f"{facts.get('what you can do', '')} {line}.".strip()
-    title = f"{solution.problem.robot.name}: minimum time"
-    sliding = solution.problem.robot.slides.tolist()
+    sliding, said = solution.problem.robot.slides.tolist(), solution_title(solution)
     picture = motion_picture(solution.trajectory, solution.problem.limits, bool(solution.arcs), sliding)
-    return _card(title, facts, _svg(picture, f"{title}, the motion"))
+    return _card(said, solution_words(solution), _svg(picture, f"{said}, the motion"))
 
 
 @card.register
@@ -233,18 +220,14 @@ def _clear(figure: Figure) -> Figure:
 def figure(solution: Solution) -> Figure:
     """See `Solution.plot`."""
     problem, unresolved = solution.problem, () if solution.arcs else (0,)
-    title, sliding = _title(solution), problem.robot.slides.tolist()
     return plot_trajectories(
-        [solution.trajectory], limits=problem.limits, title=title, unresolved=unresolved, sliding=sliding
-    )
+        [solution.trajectory], limits=problem.limits, title=solution_title(solution), unresolved=unresolved,
+        sliding=problem.robot.slides.tolist(),
+    )  # fmt: skip
 
 
 def report(solution: Solution, path: str | os.PathLike[str]) -> Path:
     """See `Solution.report`."""
     problem, file = solution.problem, Path(path_of(path, "path"))
     motions, summary = {"minimum time": solution.trajectory}, minimum_time_summary(solution)
-    return write_report(file, problem.robot, motions, summary, _title(solution), problem.obstacles)
-
-
-def _title(solution: Solution) -> str:
-    return f"{solution.problem.robot.name}: minimum time"
+    return write_report(file, problem.robot, motions, summary, solution_title(solution), problem.obstacles)

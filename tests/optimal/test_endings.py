@@ -9,9 +9,9 @@ import pinocchio as pin
 import pytest
 
 import armdyn as ad
-from armdyn.cli.motion.words import solution_words, title_words
 from armdyn.optimal.answer.assembly import assembled
 from armdyn.optimal.answer.solution import minimum_time_summary
+from armdyn.optimal.answer.table import solution_words, title_words
 from armdyn.optimal.arcs.phases import Unresolved
 from armdyn.optimal.problem.status import Stop
 from armdyn.optimal.refine.smooth import time_energy

@@ -67,7 +67,7 @@ def test_a_problem(problem):
 
 def test_a_solution(solution):
     words = text_of(solution._repr_html_())
-    assert "certified" in words and f"{solution.duration:.6f} s" in words and "time decided by" in words
+    assert "certified" in words and f"{solution.duration:.9f} s" in words and "time decided by" in words
 
 
 @pytest.mark.slow

@@ -12,8 +12,8 @@ from typing import Any
 
 import armdyn as ad
 from armdyn.cli.console import Answer, cut_short, facts_table, judged, working
+from armdyn.cli.invocation import in_options
 from armdyn.cli.motion.require import REQUIRE, missing_of, missing_words, requirements_of
-from armdyn.cli.motion.words import solution_words, title_words
 from armdyn.cli.options.groups import LIMITS, SOLVER, flag, given, group, option
 from armdyn.cli.options.joints import carried_facts, carried_words, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.results import ResultOptions
@@ -154,6 +154,7 @@ def mintime(
     """
     required = requirements_of(require)
     from armdyn.optimal.answer.solution import minimum_time_summary
+    from armdyn.optimal.answer.table import solution_title, solution_words
     from armdyn.optimal.answer.words import standing
 
     try:
@@ -172,20 +173,15 @@ def mintime(
         reserves, reserve_choice = _by_reserve(curve)
         summary = cut_short(minimum_time_summary(solution) | reserves | controller_facts)
         motions, obstacles = {"trajectory": solution.trajectory}, solution.problem.obstacles
-        written = results.write(folder, arm, motions, summary, _title(solution), obstacles, progress=progress)
+        written = results.write(folder, arm, motions, summary, solution_title(solution), obstacles, progress=progress)
         written = written.with_files([] if results.no_figure else _write_reserves(curve, folder, arm.name))
     missing = missing_of(required, solution.usable, standing(solution))
     facts = {"robot": arm.name, **carried_facts(arm), **friction_facts(arm), **summary, "missing": missing}
-    words = carried_words(arm) | friction_words(arm) | reserve_words(solution.problem) | solution_words(solution)
+    words = carried_words(arm) | friction_words(arm) | reserve_words(solution.problem)
+    words |= {name: in_options(said) for name, said in solution_words(solution).items()}
     words |= controller_words | reserve_choice | missing_words(missing) | written.words
     shown, usable = facts_table(f"{arm.name}: minimum time", words), solution.usable and accepted
     return judged(facts, shown, usable=usable, as_required=not missing, files=written.files)
-
-
-def _title(solution: ad.Solution) -> str:
-    arm = solution.problem.robot
-    carried = f", {1000 * arm.payload.mass:g} g" if arm.payload is not None and arm.payload.mass else ""
-    return f"{arm.name}{carried}: {title_words(solution)}"
 
 
 def _show_contacts(error: ad.ContactError, name: str, results: ResultOptions) -> None:

@@ -17,7 +17,6 @@ from armdyn.files import probe_folder
 
 if TYPE_CHECKING:
     from armdyn.models.scene.obstacles import Obstacle
-    from armdyn.show.results import Part
 
 
 @group()
@@ -90,10 +89,9 @@ class ResultOptions(FigureOptions):
         return self.output.folder(command, name, file_names(self._parts, motions))
 
     @property
-    def _parts(self) -> list[Part]:
+    def _parts(self) -> list[str]:
         """The requested drawings."""
-        own: dict[Part, bool] = {"figure": not self.no_figure, "report": not self.no_report}
-        return [part for part, wanted in own.items() if wanted]
+        return [part for part, left_out in (("figure", self.no_figure), ("report", self.no_report)) if not left_out]
 
     def write(
         self,

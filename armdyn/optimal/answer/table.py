@@ -1,29 +1,34 @@
-"""A minimum-time solution in words: the lines of the answer, and the title of the figure."""
+"""A solution as a table of facts in words, for the terminal and notebooks, and as the title of a figure."""
 
 from __future__ import annotations
 
-import armdyn as ad
-from armdyn.cli.invocation import in_options
+import numpy as np
+
+from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.answer.words import assessment, checks, verdict
+from armdyn.optimal.problem.status import Status
+from armdyn.optimal.problem.turns import endless
 from armdyn.reprs import joint_unit, more_payload, short_time
 
 
-def title_words(solution: ad.Solution) -> str:
-    """A solution as a figure's title shows it."""
-    from armdyn.optimal.answer.words import verdict
+def solution_title(solution: Solution) -> str:
+    """Title of a figure or a page of a solution: the arm, its payload, the duration and the verdict."""
+    arm = solution.problem.robot
+    carried = f", {1000 * arm.payload.mass:g} g" if arm.payload is not None and arm.payload.mass else ""
+    return f"{arm.name}{carried}: {title_words(solution)}"
 
+
+def title_words(solution: Solution) -> str:
+    """Duration and verdict of a solution in a few words."""
     if solution.success:
-        found = "best so far" if solution.status is ad.Status.TIME_LIMIT else "minimum time"
+        found = "best so far" if solution.status is Status.TIME_LIMIT else "minimum time"
         return f"{found} {solution.duration:.4f} s, {verdict(solution)}"
     status = str(solution.status).replace("_", " ")
     return f"{status}, best so far {solution.duration:.4f} s" if solution.moves else f"{status}, no motion to the goal"
 
 
-def _turns(solution: ad.Solution) -> dict[str, str]:
+def _turns(solution: Solution) -> dict[str, str]:
     """Turns of endless joints, where another way round was open or was taken."""
-    import numpy as np
-
-    from armdyn.optimal.problem.turns import endless
-
     problem, wrap = solution.problem, solution.problem.wrap
     away = (problem.x_goal - problem.x_start)[: problem.robot.nv]
     far = [
@@ -33,14 +38,12 @@ def _turns(solution: ad.Solution) -> dict[str, str]:
         )
         if turns and (wrap or abs(angle) > np.pi)
     ]
-    hint = "" if wrap else ", as its goal says; with --wrap it may go the other way round"
+    hint = "" if wrap else ", as its goal says; with `wrap` it may go the other way round"
     return {"way round": ", ".join(far) + hint} if far else {}
 
 
-def solution_words(solution: ad.Solution) -> dict[str, str]:
-    """A solution of a minimum-time problem as `facts_table` shows it."""
-    from armdyn.optimal.answer.words import assessment, checks
-
+def solution_words(solution: Solution) -> dict[str, str]:
+    """A solution of a minimum-time problem in words, by the names of its facts; arguments in Python in backticks."""
     has_status = solution.success or not (solution.moves and solution.feasible)  # then the verdict has the message
     facts = {"status": str(solution.status).replace("_", " ") if has_status else solution.message}
     if solution.success:
@@ -51,7 +54,7 @@ def solution_words(solution: ad.Solution) -> dict[str, str]:
     if solution.certificate.idle and solution.moves:
         facts["idle"] = ", ".join(solution.certificate.idle) + ": not determined by the duration"
     if solution.what_to_do:
-        facts["what you can do"] = "\n".join(map(in_options, solution.what_to_do))
+        facts["what you can do"] = "\n".join(solution.what_to_do)
     facts |= _path_words(solution)
     if solution.local_optima:
         others = ", ".join(f"{x:.4f}" for x in solution.local_optima[:5])
@@ -62,7 +65,7 @@ def solution_words(solution: ad.Solution) -> dict[str, str]:
         saved = f"1 % more of the first saves {short_time(most.part * solution.duration / 100)}"
         facts["time decided by"] = f"{shares}{' …' if len(solution.decides) > 3 else ''}; {saved}"
     if solution.calm and solution.moves:
-        facts["calm joints"] = f"take {short_time(solution.calm, 2)} of it; --calm 0 is the fastest"
+        facts["calm joints"] = f"take {short_time(solution.calm, 2)} of it; `calm` 0 is the fastest"
     if (by := solution.sensitivities()) is not None:
         more, cost = more_payload(by.payload_mass, solution.duration)
         facts["payload"] = f"{more} costs {cost:.3g} ms"
@@ -70,12 +73,11 @@ def solution_words(solution: ad.Solution) -> dict[str, str]:
     return facts | _turns(solution)
 
 
-def _path_words(solution: ad.Solution) -> dict[str, str]:
+def _path_words(solution: Solution) -> dict[str, str]:
     """The nearest obstacle, the via points and the goals."""
     facts = {}
-    if solution.clearance is not None:
-        proof = "proven at all times" if solution.clearance.sure else "not proven between samples"
-        facts["nearest"] = f"{solution.clearance} ({proof})"
+    if solution.clearance is not None and not solution.moves:  # else the checks have it
+        facts["nearest"] = str(solution.clearance)
     if solution.via_times:
         facts["via points"] = "at " + ", ".join(f"{t:.4f}" for t in solution.via_times) + " s"
     if solution.goals:

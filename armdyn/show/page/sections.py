@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from armdyn.reprs import more_payload, short_time
 from armdyn.show.markup import Html, element, join, table
 from armdyn.show.page.facts import Facts, as_number
-from armdyn.show.page.verdict import Verdict, seconds
+from armdyn.show.page.verdict import Verdict
 
 _PATH = re.compile(r"(--?[\w-]+=|)((?:~[^/\\]*|[A-Za-z]:|)[/\\].*)", re.DOTALL)
 """An absolute path, perhaps as an option's value."""
@@ -131,14 +131,8 @@ def optima_section(facts: Facts, duration: float) -> Section | None:
 
 
 def path_constraint_section(facts: Facts) -> Section | None:
-    """Path constraints, via points and reserve."""
+    """Path constraints, via points and reserve; the clearance is one of the checks."""
     rows: list[tuple[str, str]] = []
-    near = facts.part("clearance")
-    if (distance := near.number("distance")) is not None:
-        between = (
-            f"{near.text('body')} and {near.text('other')}, {1e3 * distance:.1f} mm at {seconds(near.number('time'))}"
-        )
-        rows.append(("nearest", between + ("" if near.true("sure") else " (not proven between samples)")))
     if via := [x for x in facts.numbers("via_times") if x is not None]:
         rows.append(("via points", "at " + ", ".join(f"{t:.4f}" for t in via) + " s"))
     for kept, what in (("effort", "of torque limits"), ("velocity", "of velocity limits")):

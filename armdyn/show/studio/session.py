@@ -18,11 +18,10 @@ from armdyn.files import read_json, write_whole
 from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.scene.reaching import GoalPose, approached, frame_placement
-from armdyn.optimal.answer.solution import Solution, minimum_time_summary
+from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.options import MinimumTimeOptions
-from armdyn.show.results import write_report
 from armdyn.show.studio.solving import NewestFirst
 from armdyn.show.studio.state import StudioState, carrying, fitting_presets, problem_of, slider_limits
 
@@ -210,11 +209,7 @@ class Session:
         Raises:
             ArmdynError, OSError: there is no motion, or the file cannot be written.
         """
-        solution = self._shown()
-        arm, facts = solution.problem.robot, minimum_time_summary(solution)
-        title = f"{arm.name}: {solution.duration:.4f} s"
-        motions, obstacles = {"trajectory": solution.trajectory}, solution.problem.obstacles
-        return write_report(self._file(REPORT_FILE), arm, motions, facts, title, obstacles)
+        return self._shown().report(self._file(REPORT_FILE))
 
     def _file(self, name: str) -> Path:
         self.folder.mkdir(parents=True, exist_ok=True)

@@ -8,10 +8,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import armdyn as ad
-from armdyn.cli.motion.words import solution_words
 from armdyn.dynamics.numeric import forward_dynamics, joint_inertia
 from armdyn.models.values.friction import JointFriction
 from armdyn.optimal.answer.solution import minimum_time_summary
+from armdyn.optimal.answer.table import solution_words
 from armdyn.optimal.answer.words import advice
 from armdyn.optimal.landing.rollout import Segments, ticked
 from armdyn.optimal.proof.certificate import certify
