@@ -213,25 +213,8 @@ def _table(robot: ad.Robot, joints: list[Facts]) -> Shown:
     names = ("position", "velocity", "torque", *more)
     heads = ["joint", *(f">{name}\n[{joint_unit(robot.slides, *_UNITS[name])}]" for name in names)]
 
-    def show(x: object) -> str:
-        return "-" if x is None else f"{x:.4g}"
-
-    def between(joint: Facts, what: str) -> str:
-        lower, upper = joint[f"{what}_lower"], joint[f"{what}_upper"]
-        if what == "effort" and joint["passive"]:
-            return "no motor"
-        if lower is None or upper is None:
-            return "-" if lower is upper else f"{show(lower)} … {show(upper)}"
-        return f"±{show(upper)}" if -lower == upper else f"{show(lower)} … {show(upper)}"
-
     rows = [
-        (
-            joint["name"],
-            between(joint, "position"),
-            show(joint["velocity"]),
-            between(joint, "effort"),
-            *(show(joint[what]) for what in more),
-        )
-        for joint in joints
+        (joint["name"], *limits, *(f"{joint[what]:.4g}" for what in more))
+        for joint, limits in zip(joints, robot.limits.words(), strict=True)
     ]
     return table(f"{robot.name}: {robot.nv} joints, tip {robot.tip!r}", heads, rows)

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import singledispatch
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
@@ -121,22 +120,10 @@ def _joints(names: Sequence[str], limits: JointLimits, more: Mapping[str, Array]
     more = more or {}
     head = ("joint", *more, "position [rad or m]", "velocity [rad/s or m/s]", "torque [N m or N]")
     rows = [
-        (
-            name,
-            *(f"{values[i]:.4g}" for values in more.values()),
-            _between(limits.position_lower[i], limits.position_upper[i]),
-            _between(-limits.velocity[i], limits.velocity[i]),
-            "no motor" if limits.passive[i] else _between(limits.effort_lower[i], limits.effort_upper[i]),
-        )
-        for i, name in enumerate(names[:_MOST_ROWS])
+        (name, *(f"{values[i]:.4g}" for values in more.values()), *own)
+        for i, (name, own) in enumerate(zip(names[:_MOST_ROWS], limits.words(), strict=False))
     ]
     return _table(head, rows)
-
-
-def _between(lower: Any, upper: Any) -> str:
-    if not np.isfinite(lower) and not np.isfinite(upper):
-        return "no limit"
-    return f"± {upper:.4g}" if -lower == upper else f"{lower:.4g} … {upper:.4g}"
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Html:

@@ -57,7 +57,7 @@ class Tags(html.parser.HTMLParser):
 
 def test_a_robot(robot):
     words = text_of(robot._repr_html_())
-    assert words.startswith("rr: 2 joints") and "tip" in words and "± 3.142" in words
+    assert words.startswith("rr: 2 joints") and "tip" in words and "±3.142" in words
 
 
 def test_a_problem(problem):

@@ -64,6 +64,13 @@ class JointLimits:
         """Joints without a motor, shape (nv,)."""
         return self.actuators.passive
 
+    def words(self) -> list[tuple[str, str, str]]:
+        """Limits of position, velocity and torque of each joint in words, without units."""
+        return [
+            (_between(lower, upper), _text(fastest), "no motor" if idle else _between(*effort))
+            for lower, upper, fastest, *effort, idle in zip(*self.rows.values(), self.passive, strict=True)
+        ]
+
     def without_motors(self, passive: Iterable[str], joints: Sequence[str], error: type[ArmdynError]) -> Self:
         """The limits with no motor at some joints.
 
@@ -86,3 +93,14 @@ class JointLimits:
             effort_lower=np.where(motors, self.effort_lower, 0.0),
             effort_upper=np.where(motors, self.effort_upper, 0.0),
         )
+
+
+def _between(lower: float, upper: float) -> str:
+    """A range in words."""
+    if -lower == upper:
+        return "-" if np.isinf(upper) else f"±{_text(upper)}"
+    return f"{_text(lower)} … {_text(upper)}"
+
+
+def _text(limit: float) -> str:
+    return "-" if np.isinf(limit) else f"{limit:.4g}"

@@ -39,3 +39,13 @@ def test_without_motors():
 def test_a_wrong_joint_is_refused(passive, words):
     with pytest.raises(ProblemError, match=words):
         limits([-1.0] * 3, [1.0] * 3).without_motors(passive, JOINTS, ProblemError)
+
+
+def test_limits_in_words_are_ranges_and_joints_without_a_motor():
+    nothing = np.inf
+    limits = JointLimits(
+        position_lower=np.array([-1.0, -nothing, -nothing]), position_upper=np.array([1.0, nothing, 2.0]),
+        velocity=np.array([3.0, nothing, nothing]), effort_lower=np.array([-4.0, 0.0, -nothing]),
+        effort_upper=np.array([5.0, 0.0, nothing]),
+    )  # fmt: skip
+    assert limits.words() == [("±1", "3", "-4 … 5"), ("-", "-", "no motor"), ("- … 2", "-", "-")]
