@@ -10,7 +10,7 @@ from pathlib import Path
 from types import NoneType
 
 import armdyn as ad
-from armdyn.cli.console import NOT_USABLE, Answer, Shown, done, escape, facts_table, table, working
+from armdyn.cli.console import Answer, Shown, escape, facts_table, judged, table, working
 from armdyn.cli.options.groups import argument, flag, option
 from armdyn.cli.options.robot import PartOptions
 from armdyn.cli.repair import repaired
@@ -80,9 +80,8 @@ def doctor(
     facts["dynamics_error"] = error = _disagreement(arm)
     verdict = "[green]agree[/]" if error <= _AGREE else "[bold red]DISAGREE[/]"
     shown.append(f"CasADi and Pinocchio dynamics {verdict} (largest relative difference {error:.1e})")
-    if error <= _AGREE:
-        return done(status, facts, *shown)
-    return Answer(facts={**facts, "success": False, "status": "dynamics_disagree"}, shown=shown, code=NOT_USABLE)
+    facts |= {"success": error <= _AGREE, "status": status if error <= _AGREE else "dynamics_disagree"}
+    return judged(facts, *shown, usable=error <= _AGREE)
 
 
 def _installation() -> Facts:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import armdyn as ad
 from armdyn.arguments import one_of, shown
-from armdyn.cli.console import NOT_USABLE, Answer, done, escape
+from armdyn.cli.console import Answer, done, escape, judged
 from armdyn.cli.invocation import flag_of
 from armdyn.cli.motion.check import check_shown
 from armdyn.cli.options.groups import Numbers, argument, flag, given, group, option
@@ -223,7 +223,7 @@ def export(
     if found is not None and not found.ok and controller.preset is not None:
         more = "[red]not written[/]; without --preset it is, for simulations and figures"
         facts = {"success": False, "status": "refused", "message": f"not written: {found}", "controller": found.facts()}
-        return Answer(facts=facts, shown=[*check_shown(found, target.name), more], code=NOT_USABLE)
+        return judged(facts, *check_shown(found, target.name), more, usable=False)
     holds = None
     if kind is Ros2:
         samples, holds = with_holding_torque(samples, file, motion)

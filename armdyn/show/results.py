@@ -255,7 +255,6 @@ def write_report(
     Raises:
         FileError: the folder cannot be written.
     """
-    from armdyn.show.page.facts import Facts
     from armdyn.show.page.motions import ShownMotion, Subject
     from armdyn.show.page.report import report_of, write_page
 

@@ -49,6 +49,7 @@ def test_every_format_has_one_answer(motion, here):
     for name in ("own.npz", "own.csv", "toppra.npz", "plain.csv"):
         facts = check(name)
         assert facts["accepted"] and facts["status"] == "accepted" and facts["message"].endswith("accepted"), name
+        assert facts["files"] == []
         worst = max(row["share"] for row in facts["conditions"] if row["condition"] == "acceleration")
         assert worst == pytest.approx(0.74, abs=0.05), name
     # "joint1" ends the finger's name, too.

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import armdyn as ad
-from armdyn.cli.console import DONE, NOT_USABLE, Answer, Shown, escape, table
+from armdyn.cli.console import Answer, Shown, escape, judged, table
 from armdyn.cli.options.groups import argument, given, option
 from armdyn.cli.options.path_constraints import known_presets, preset_named
 from armdyn.cli.options.robot import PartOptions, PayloadOptions, known_names
@@ -64,8 +64,7 @@ def check(
     motion, names = _motion(file, chosen, arm)
     found = chosen.check(motion, names)
     facts = {"success": found.ok, "status": "accepted" if found.ok else "refused", "message": str(found)}
-    code = DONE if found.ok else NOT_USABLE
-    return Answer(facts=facts | found.facts(), shown=check_shown(found, file.name), code=code)
+    return judged(facts | found.facts(), *check_shown(found, file.name), usable=found.ok)
 
 
 def _motion(

@@ -9,7 +9,7 @@ from pathlib import Path
 import armdyn as ad
 from armdyn.arguments import number as checked
 from armdyn.cli import interrupts
-from armdyn.cli.console import NOT_USABLE, Answer, escape, facts_table, judged, working
+from armdyn.cli.console import Answer, escape, facts_table, judged, working
 from armdyn.cli.invocation import flag_of, is_given
 from armdyn.cli.options.groups import TASK, group, option
 from armdyn.cli.options.joints import friction_words
@@ -120,7 +120,7 @@ def track(
 def no_motion(found: ad.Solution) -> Answer:
     """The answer where there is no motion to follow."""
     facts = {"success": False, "status": str(found.status), "message": found.message}
-    return Answer(facts=facts, code=NOT_USABLE, remarks=[f"no motion to follow: {escape(found.message)}"])
+    return judged(facts, usable=False, remarks=[f"no motion to follow: {escape(found.message)}"])
 
 
 def _outcome(run: ad.Run) -> str:
