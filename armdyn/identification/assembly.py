@@ -83,7 +83,7 @@ def _given(robot: Robot, equations: Equations) -> Array:
 
 def _parameters(robot: Robot, equations: Equations, fit: Fit) -> Iterator[Estimated]:
     unknowns = equations.unknowns
-    _, hessian = unknowns.derivatives(fit.x)
+    hessian = unknowns.divergence_near(fit.x).hessian
     spread = np.linalg.inv(hessian) / max(1.0, fit.weight)
     covariance = fit.covariance + _unmeasured(fit, hessian)
 

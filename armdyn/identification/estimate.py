@@ -177,7 +177,7 @@ class Estimate:
         away *= np.sqrt(chi2.ppf(confidence, unknowns.size)) / np.linalg.norm(away, axis=1, keepdims=True)
         precision = np.asarray(np.linalg.inv(fit.covariance), dtype=float)
         barrier = _BARRIER * fit.weight
-        gradient, _ = unknowns.derivatives(fit.x)
+        gradient = unknowns.divergence_near(fit.x).gradient
         arms = []
         for x in fit.x + away @ np.linalg.cholesky(fit.covariance).T:
             # The physical arm nearest to x in the metric of the region; the gradient keeps the estimate where it is.

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import brentq
 
 from armdyn.arrays import Array
 from armdyn.identification.unknowns import Ray, Unknowns
@@ -25,8 +26,6 @@ _NEARLY = 0.1
 """Slope at the end of a full step, as a part of that at its start, at which it counts as the minimum."""
 _LONGEST, _TO_BORDER = 2.0, 1 - 1e-9
 """Largest part of a Newton step, and of the way to the border of physical bodies."""
-_HALVINGS = 40
-"""Bisections of a step."""
 
 
 class Normal(NamedTuple):
@@ -89,21 +88,20 @@ def _newton(
     """
     x, converged = start, max(converged, _CONVERGED * max(1.0, weight))
     for k in range(iterations + 1):
-        gradient, hessian = unknowns.derivatives(x)
-        slope = normal.matrix @ x - normal.vector
-        gradient, hessian = slope + weight * gradient, normal.matrix + weight * hessian
+        near, slope = unknowns.divergence_near(x), normal.matrix @ x - normal.vector
+        gradient, hessian = slope + weight * near.gradient, normal.matrix + weight * near.hessian
         scale = 1 / np.sqrt(np.diag(hessian))  # its diagonal spans 1e16 next to the border of physical bodies
         step = -scale * np.linalg.solve(hessian * np.outer(scale, scale), scale * gradient)
         decrement = float(-gradient @ step)
         if decrement <= converged or k == iterations:
             break
-        ray = unknowns.along(x, step)
+        ray = near.along(step)
         x = x + step * _step_length(ray, weight, float(slope @ step), float(step @ normal.matrix @ step))
     return x, decrement
 
 
 def _step_length(ray: Ray, weight: float, slope: float, curvature: float) -> float:
-    """Minimum along a Newton step: 1 where that is near, else found by bisection.
+    """Minimum along a Newton step: 1 where that is near, else the zero of the slope.
 
     Args:
         ray: divergence along the step.
@@ -112,16 +110,15 @@ def _step_length(ray: Ray, weight: float, slope: float, curvature: float) -> flo
         curvature: of half the squares.
     """
 
-    def rising(length: float) -> bool:
-        return slope + length * curvature + weight * ray.slope(length) > 0
+    def rise(length: float) -> float:
+        return slope + length * curvature + weight * ray.slope(length)
 
-    shortest, longest = 0.0, min(_LONGEST, _TO_BORDER * ray.border)
-    if longest >= 1 and slope + curvature + weight * ray.slope(1.0) <= -_NEARLY * (slope + weight * ray.slope(0.0)):
+    start, longest = rise(0.0), min(_LONGEST, _TO_BORDER * ray.border)
+    if longest >= 1 and rise(1.0) <= -_NEARLY * start:
         return 1.0
-    for _ in range(_HALVINGS):
-        middle = (shortest + longest) / 2
-        shortest, longest = (shortest, middle) if rising(middle) else (middle, longest)
-    return shortest
+    if start >= 0:  # by rounding, next to the border
+        return 0.0
+    return longest if rise(longest) <= 0 else float(brentq(rise, 0.0, longest))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -239,7 +236,7 @@ def _covariance(unknowns: Unknowns, x: Array, columns: Array, inflated: Array, n
     Of a log without noise H and M are large along measured combinations and the prior's along the others; by their
     factors the covariance stays positive definite.
     """
-    _, hessian = unknowns.derivatives(x)
+    hessian = unknowns.divergence_near(x).hessian
     scores = Normal.of(columns, np.zeros(inflated.shape), inflated).matrix
     lower = np.linalg.cholesky(normal.matrix + weight * hessian)
     middle = np.linalg.solve(lower, np.linalg.cholesky(scores + weight * hessian))

@@ -31,6 +31,7 @@ def _symmetric_basis() -> Array:
 
 
 BASIS = _symmetric_basis()
+_TRACES = np.trace(BASIS, axis1=1, axis2=2)
 
 
 def parameters_of(pseudo: Array) -> Array:
@@ -72,6 +73,29 @@ class Ray(NamedTuple):
     def slope(self, length: float) -> float:
         """Derivative of the divergence by the length."""
         return float(self.linear + length * self.quadratic - np.sum(self.rates / (1 + length * self.rates)))
+
+
+class Divergence(NamedTuple):
+    """The divergence from the prior near some unknowns x."""
+
+    gradient: Array
+    """Shape (p,)."""
+    hessian: Array
+    """Shape (p, p)."""
+    turned: Array
+    """C⁻¹ B C⁻ᵀ of each symmetric B of the basis, where C Cᵀ is 1 + S of a body, shape (bodies, 10, 16)."""
+    positive: Array
+    """Positive numbers, relative to the prior's."""
+    free: Array
+    """Offsets, relative to their scales."""
+
+    def along(self, step: Array) -> Ray:
+        """The divergence along a step, without differences of its values."""
+        split = 10 * len(self.turned)
+        own, positive, free = step[:split].reshape(-1, 1, 10), *np.split(step[split:], [self.positive.size])
+        turned = np.linalg.eigvalsh((own @ self.turned).reshape(-1, 4, 4)).ravel()
+        linear = (own @ _TRACES).sum() + positive.sum() + self.free @ free
+        return Ray(float(linear), float(free @ free), np.concatenate([turned, positive / self.positive]))
 
 
 @dataclass(frozen=True)
@@ -125,29 +149,17 @@ class Unknowns:
 
     def _relative(self, x: Array) -> Array:
         own = x[: 10 * len(self.joints)].reshape(-1, 10)
-        return np.asarray(np.eye(4) + np.einsum("bk,kij->bij", own, BASIS))
+        return np.asarray(np.eye(4) + (own @ BASIS.reshape(10, 16)).reshape(-1, 4, 4))
 
-    def along(self, x: Array, step: Array) -> Ray:
-        """The divergence along a step, without differences of its values."""
+    def divergence_near(self, x: Array) -> Divergence:
+        """The divergence from the prior near physical unknowns, shape (p,)."""
         split = 10 * len(self.joints)
-        lower = np.linalg.inv(np.linalg.cholesky(self._relative(x)))
-        change = self._relative(step) - np.eye(4)
-        positive, free = step[split : split + self.positive], step[split + self.positive :]
-        turned = np.linalg.eigvalsh(lower @ change @ np.swapaxes(lower, 1, 2)).ravel()
-        linear = np.einsum("bii->", change) + np.sum(positive) + x[split + self.positive :] @ free
-        rates = np.concatenate([turned, positive / (1 + x[split : split + self.positive])])
-        return Ray(float(linear), float(free @ free), rates)
-
-    def derivatives(self, x: Array) -> tuple[Array, Array]:
-        """Gradient, shape (p,), and Hessian, shape (p, p), of the divergence."""
-        relative, split = self._relative(x), 10 * len(self.joints)
-        gradient, hessian = np.zeros(self.size), np.zeros((self.size, self.size))
-        turned = np.linalg.inv(relative)[:, None] @ BASIS
-        gradient[:split] = (np.trace(BASIS, axis1=1, axis2=2) - np.einsum("bkii->bk", turned)).ravel()
-        rows, columns = turned.reshape(-1, 10, 16), np.swapaxes(turned, 2, 3).reshape(-1, 10, 16)
-        for b, block in enumerate(rows @ np.swapaxes(columns, 1, 2)):
-            hessian[10 * b : 10 * b + 10, 10 * b : 10 * b + 10] = block
+        inverse = np.linalg.inv(np.linalg.cholesky(self._relative(x)))[:, None]
+        turned = (inverse @ BASIS @ np.swapaxes(inverse, 2, 3)).reshape(-1, 10, 16)
         positive, free = 1 + x[split : split + self.positive], x[split + self.positive :]
-        gradient[split:] = np.concatenate([1 - 1 / positive, free])
-        hessian[range(split, self.size), range(split, self.size)] = np.concatenate([positive**-2, np.ones(free.size)])
-        return gradient, hessian
+        slopes = _TRACES - turned @ np.eye(4).ravel()
+        gradient = np.concatenate([slopes.ravel(), 1 - 1 / positive, free])
+        hessian = np.diag(np.concatenate([np.zeros(split), positive**-2, np.ones(free.size)]))
+        for b, block in enumerate(turned @ np.swapaxes(turned, 1, 2)):
+            hessian[10 * b : 10 * b + 10, 10 * b : 10 * b + 10] = block
+        return Divergence(gradient, hessian, turned, positive, free)
