@@ -1,38 +1,21 @@
-"""Program of curves for sequential convexification: its cost and torques by hand, other equations by CasADi."""
+"""Program of curves: rows linear in its unknowns, linearised at an iterate, and the quadratic program of a step there.
+
+Torques are eliminated: they are functions of control points and durations.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from armdyn.arrays import Array, Index
+from armdyn.arrays import Array, Flags, Index
 from armdyn.locks import cached_property
-from armdyn.optimal.flat.curve import Curve
-from armdyn.optimal.flat.equations import POINTS
-from armdyn.optimal.flat.linear_rows import (
-    ClearanceRows,
-    DerivativeRows,
-    Sides,
-    TorqueParts,
-    TorqueRows,
-    clearance_rows,
-)
-from armdyn.optimal.flat.nlp_data import (
-    CurveSpec,
-    assemble_curve,
-    curve_layout,
-    finite,
-    rate_limits,
-    rows_of,
-    travel_scales,
-)
-from armdyn.optimal.flat.program import CurveLayout, build
+from armdyn.optimal.flat.convex_step import ConvexStep, SoftRows
+from armdyn.optimal.flat.linear_rows import ClearanceRows, DerivativeRows, Linearised, Sides, TorqueParts, TorqueRows
+from armdyn.optimal.flat.program import CurveLayout
 from armdyn.optimal.program.assembly import Program
-from armdyn.optimal.solve.registry import in_time
-from armdyn.optimal.solve.solver import NlpData
-from armdyn.optimal.task.task import Task
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +28,7 @@ class CurveCost:
         tie: price of squared torques, shape (points,) [s].
         effort: price of squared torques per duration, shape (points, joints) [-].
         steps: price of squared differences of the torques of neighbouring points of a leg, shape (points - 1,) [s].
-        moving: price of squared velocities: matrix of shape (unknowns, unknowns) [s].
+        moving: price of squared velocities or accelerations: matrix of shape (unknowns, unknowns) [s].
     """
 
     durations: Index
@@ -63,22 +46,35 @@ class CurveCost:
 
     def gradient(self, x: Array, at: TorqueParts) -> Array:
         """Gradient in the unknowns, with dependent torques, shape (unknowns,)."""
-        gradient = self._prices(x) * at.tau
-        steps = self.steps[:, None] * np.diff(at.tau, axis=0)
-        gradient[1:] += steps
-        gradient[:-1] -= steps
-        out = self.moving @ x + at.jacobian.T @ gradient.ravel()
+        out = self.moving @ x
+        if at.lead is not None:
+            out[self.durations] += at.lead @ out
         out[self.durations] += 1
-        np.add.at(out, self.duration_of_point, np.sum(self.effort * at.tau**2, axis=1) / 2)
+        if self._without_torques is None:
+            gradient = self._prices(x) * at.tau
+            steps = self.steps[:, None] * np.diff(at.tau, axis=0)
+            gradient[1:] += steps
+            gradient[:-1] -= steps
+            out += at.jacobian.T @ gradient.ravel()
+            np.add.at(out, self.duration_of_point, np.sum(self.effort * at.tau**2, axis=1) / 2)
         return np.asarray(out)
 
     def squares(self, x: Array, at: TorqueParts) -> tuple[sp.csr_matrix, Array]:
         """Rows and weights whose weighted squares are the Gauss-Newton Hessian of the cost."""
+        if self._without_torques is not None:
+            return self._without_torques
         n, prices = at.tau.shape[1], self._prices(x).ravel()
         if not np.any(self.steps):
-            return (at.jacobian, prices) if np.any(prices) else (at.jacobian[:0], prices[:0])
+            return at.jacobian, prices
         steps = at.jacobian[n:] - at.jacobian[:-n]
         return sp.vstack([at.jacobian, steps], format="csr"), np.append(prices, np.repeat(self.steps, n))
+
+    @cached_property
+    def _without_torques(self) -> tuple[sp.csr_matrix, Array] | None:
+        """No squares; None: torques have a price."""
+        if any(np.any(price) for price in (self.tie, self.effort, self.steps)):
+            return None
+        return sp.csr_matrix((0, self.moving.shape[1])), np.empty(0)
 
     def _prices(self, x: Array) -> Array:
         return np.asarray(self.tie[:, None] + x[self.duration_of_point][:, None] * self.effort)
@@ -102,153 +98,186 @@ def quadratic_form(shape: CurveLayout, squares: Sequence[Array], scales: Array) 
     return sp.csr_matrix(every, (shape.size, shape.size))
 
 
-def curve_cost(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) -> CurveCost:
-    """The cost of `assemble_curve`'s nonlinear program, in seconds.
+@dataclass(frozen=True, eq=False)
+class OtherRows:
+    """Equations by CasADi, in which torques are unknowns.
 
-    Args:
-        task: task with the effort weights.
-        guess: curve whose legs' durations weigh the squares.
-        spec: weights of the squares.
-        shape: layout of the program.
+    Attributes:
+        program: functions of the nonlinear program.
+        parameters: parameters of the program.
+        which: indices of the equations.
+        bounds: low and high, each of shape (equations,).
     """
-    n, sizes = shape.joints, [POINTS * count for count in shape.intervals]
-    parts = np.concatenate([leg.basis.gauss(POINTS)[1].ravel() for leg in guess.legs])
-    times = np.array([leg.duration for leg in guess.legs])
-    squares = task.problem.effort_weights() * task.problem.limits.actuators.half_range**2
-    steps = np.full(parts.size - 1, spec.steps * guess.duration / n)
-    steps[np.cumsum(sizes)[:-1] - 1] = 0.0
-    moving = sp.csr_matrix((shape.size, shape.size))
-    if spec.travel:
-        each = zip(spec.travel * times / n, guess.legs, strict=True)
-        squared = [price * leg.basis.squared(1, POINTS) for price, leg in each]
-        moving = quadratic_form(shape, squared, travel_scales(task, guess))
-    return CurveCost(
-        durations=np.array([shape.duration(k) for k in shape.legs]),
-        duration_of_point=np.repeat([shape.duration(k) for k in shape.legs], sizes),
-        tie=parts * np.repeat(spec.smooth * times / n, sizes),
-        effort=parts[:, None] * squares,
-        steps=steps,
-        moving=moving,
-    )
+
+    program: Program
+    parameters: Array
+    which: Index
+    bounds: tuple[Array, Array]
+
+    def at(self, x: Array, torques: Index, load: sp.csr_matrix) -> Sides:
+        """Linearise the equations.
+
+        Args:
+            x: unknowns, including the torques.
+            torques: indices of the torques.
+            load: ∂(torques)/∂(unknowns), shape (torques, unknowns): torques are eliminated.
+        """
+        g, matrix = self.program.jacobian(x, self.parameters)
+        whole = sp.csc_matrix((matrix.nonzeros(), matrix.row(), matrix.colind()), shape=matrix.shape)
+        rows = whole.tocsr()[self.which]
+        jacobian = (rows + rows[:, torques.ravel()] @ load).tocsr()
+        return Sides(jacobian, np.array(g).ravel()[self.which], self.bounds)
+
+
+@dataclass(frozen=True)
+class Prices:
+    """Prices of violations.
+
+    Attributes:
+        torque: price of a torque beyond its limit by half its range, the largest at every point [s].
+        distance: price of a distance below the required one, the largest at every pose [s/m].
+        rows: price of a row beyond its bound by its scale, for each of `Iterate.sides` [s].
+    """
+
+    torque: float
+    distance: float
+    rows: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """A curve at which all rows are linearised.
+
+    Attributes:
+        x: unknowns.
+        cost: cost without penalties [s].
+        torques: torques of the curve.
+        sides: rows of the derivatives' control points, velocities first, and of other equations.
+        distances: linearised distances; None: no distances.
+    """
+
+    x: Array
+    cost: float
+    torques: TorqueParts
+    sides: tuple[Sides, ...]
+    distances: Linearised | None
+
+    def penalties(self, limits: tuple[Array, Array], prices: Prices) -> tuple[float, float, float]:
+        """Priced violations of torques, distances and other rows [s].
+
+        Args:
+            limits: lower and upper torque limits, as parts of half the ranges, each of shape (points, joints).
+            prices: prices of violations.
+        """
+        low, high = limits
+        over = np.max(np.maximum(self.torques.tau - high, low - self.torques.tau), axis=1, initial=0)
+        missing = 0.0 if self.distances is None else float(np.sum(self.distances.missing))
+        missed = sum(price * each.missed for price, each in zip(prices.rows, self.sides, strict=True))
+        return prices.torque * float(np.sum(over)), prices.distance * missing, missed
 
 
 @dataclass(frozen=True, eq=False)
 class CurveProgram:
-    """Numbers of a curve program, and the required distances.
+    """Program of all curves of one layout.
 
     Attributes:
-        numbers: initial unknowns, parameters, bounds.
-        shape: layout of the unknowns and equations.
-        guess: curve of the initial unknowns.
+        shape: layout of the unknowns.
         torque_rows: torques and their derivatives.
+        derivative_rows: control points of the limited derivatives, velocities first.
         cost: the cost.
         smooth: price of squared accelerations, to make steps unique, shape (unknowns, unknowns) [s].
-        derivative_rows: control points of the limited derivatives, velocities first.
-        program: functions of `others`; None: no such equations.
+        bounds: lower and upper bounds of the unknowns, each of shape (unknowns,).
+        free: whether each unknown may change in a step, shape (unknowns,).
+        torques: indices of the unknowns that are the torques of `torque_rows`, shape (points of all legs, joints), or
+            empty: these are no unknowns.
+        others: other equations; None: no others.
         clearance: required distances; None: no distances.
+        lead: derivatives of fixed unknowns in the duration, shape (unknowns,); None: zero.
     """
 
-    numbers: NlpData
     shape: CurveLayout
-    guess: Curve
     torque_rows: TorqueRows
+    derivative_rows: tuple[DerivativeRows, ...]
     cost: CurveCost
     smooth: sp.csr_matrix
-    derivative_rows: tuple[DerivativeRows, ...]
-    program: Program | None = None
+    bounds: tuple[Array, Array]
+    free: Flags
+    torques: Index
+    others: OtherRows | None = None
     clearance: ClearanceRows | None = None
-
-    @cached_property
-    def torques(self) -> Index:
-        """Indices of the torques, shape (points of all legs, joints)."""
-        return np.concatenate([self.shape.torques(leg) for leg in self.shape.legs])
+    lead: Array | None = None
 
     @cached_property
     def place(self) -> NDArray[np.int32]:
         """Order of elimination of the unknowns: control points, then durations; -1: fixed, or a torque."""
-        lower, upper = self.numbers.x_bounds
-        free = lower < upper
-        free[self.torques] = False
-        last = free & np.isin(np.arange(free.size), self.cost.durations)
-        order = np.concatenate([np.flatnonzero(free & ~last), np.flatnonzero(last)])
-        place = np.full(free.size, -1, dtype=np.int32)
+        last = self.free & np.isin(np.arange(self.free.size), self.cost.durations)
+        order = np.concatenate([np.flatnonzero(self.free & ~last), np.flatnonzero(last)])
+        place = np.full(self.free.size, -1, dtype=np.int32)
         place[order] = np.arange(order.size)
         return place
 
     @cached_property
-    def others(self) -> Index:
-        """Indices of equations other than those of torques and derivatives."""
-        return other_equations(self.shape, self.numbers.g_bounds[0].size)
+    def curvature(self) -> sp.csr_matrix:
+        """Hessian of the cost without torques, shape (unknowns, unknowns)."""
+        return self.smooth + self.cost.moving
 
-    def rates(self, order: int) -> Index:
-        """Indices of the equations of a derivative's control points."""
-        return np.concatenate([self.shape.rates(leg, order).ravel() for leg in self.shape.legs])
+    def at(self, x: Array) -> Iterate:
+        """Linearise all rows at unknowns, whose torques are computed."""
+        torques = self.torque_rows.at(x, self.lead)
+        sides = [rows.at(x, self.lead) for rows in self.derivative_rows]
+        if self.torques.size:
+            x = x.copy()
+            x[self.torques] = torques.tau
+            if self.others is not None:
+                sides.append(self.others.at(x, self.torques, torques.jacobian))
+        distances = None if self.clearance is None else self.clearance.at(self.shape, x)
+        return Iterate(x, self.cost.value(x, torques.tau), torques, tuple(sides), distances)
 
-    def sides(self, x: Array, load: sp.csr_matrix) -> tuple[Sides, ...]:
-        """Linearise the control points of the derivatives, velocities first, and the other equations, if there are any.
+    def step_program(
+        self, at: Iterate, limits: tuple[Array, Array], prices: Prices, hard_velocities: bool = False
+    ) -> ConvexStep:
+        """The quadratic program at an iterate, without the bounds of the step.
 
         Args:
-            x: unknowns, including the torques.
-            load: ∂(torques)/∂(unknowns), shape (torques, unknowns): torques are eliminated.
+            at: the iterate.
+            limits: torque limits, as in `Iterate.penalties`.
+            prices: prices of violations.
+            hard_velocities: whether velocity limits must be satisfied, whatever the price; equations have a price.
         """
-        derivatives = tuple(rows.at(x, self._bounds(self.rates(rows.order))) for rows in self.derivative_rows)
-        if self.program is None:
-            return derivatives
-        g, matrix = self.program.jacobian(x, self.numbers.p)
-        whole = sp.csc_matrix((matrix.nonzeros(), matrix.row(), matrix.colind()), shape=matrix.shape)
-        rows, torques = whole.tocsr()[self.others], self.torques.ravel()
-        jacobian = (rows + rows[:, torques] @ load).tocsr()
-        return *derivatives, Sides(jacobian, np.array(g).ravel()[self.others], self._bounds(self.others))
+        (low, high), tau, velocities = limits, at.torques.tau, at.sides[0]
+        points, priced = np.repeat(np.arange(len(tau)), tau.shape[1]), list(zip(prices.rows, at.sides, strict=True))
+        hard: tuple[tuple[sp.csr_matrix, ...], Array] = (), np.empty(0)
+        if hard_velocities:
+            given = velocities.equal
+            hard = velocities.only(~given).below(at.x)[:2]
+            priced[:1] = [(prices.rows[0], velocities.only(given))] if np.any(given) else []
+        soft = [SoftRows.between(at.torques.jacobian, (low - tau).ravel(), (high - tau).ravel(), points, prices.torque)]
+        soft += [SoftRows(*sides.below(at.x), price) for price, sides in priced]
+        if at.distances is not None:
+            own = at.distances
+            soft.append(SoftRows((-own.jacobian,), own.spare, own.samples, prices.distance))
+        nothing = np.zeros(at.x.size)
+        return ConvexStep(
+            place=self.place,
+            gradient=self.cost.gradient(at.x, at.torques) + self.smooth @ at.x,
+            curvature=self.curvature,
+            squares=self.cost.squares(at.x, at.torques),
+            bounds=(nothing, nothing),
+            hard=hard,
+            soft=tuple(soft),
+        )
 
-    def _bounds(self, rows: Index) -> tuple[Array, Array]:
-        low, high = (side[rows] for side in self.numbers.g_bounds)
-        return low, high
+    def within(self, step: ConvexStep, x: Array, trust: float, durations: tuple[float, float]) -> ConvexStep:
+        """A quadratic program whose step is within a trust region.
 
-
-def other_equations(shape: CurveLayout, count: int) -> Index:
-    """Indices of the equations that limit neither torques nor time derivatives, out of `count` equations."""
-    own = [shape.torque_rows(leg).ravel() for leg in shape.legs]
-    own += [shape.rates(leg, order).ravel() for leg in shape.legs for order in shape.orders]
-    return np.setdiff1d(np.arange(count), np.concatenate(own))
-
-
-def curve_program(task: Task, guess: Curve, spec: CurveSpec) -> CurveProgram:
-    """Program for sequential convexification.
-
-    Args:
-        task: the problem and its settings.
-        guess: initial guess.
-        spec: requirements of the curve.
-    """
-    problem = task.problem
-    shape, rows = curve_layout(problem, guess, spec.constraints), rows_of(problem, spec.constraints)
-    required = spec.constraints.required_distances(problem)
-    data, program = assemble_curve(task, guess, spec, shape), None
-    if other_equations(shape, data.g_bounds[0].size).size:
-        program = in_time(task, lambda scheme: build(task.dynamics, shape, rows, scheme.compile))
-    limits = rate_limits(problem, spec.constraints)
-    bases = [leg.basis for leg in guess.legs]
-    points = [(basis, basis.gauss(POINTS)[0].ravel()) for basis in bases]
-    return CurveProgram(
-        numbers=data,
-        shape=shape,
-        guess=guess,
-        torque_rows=TorqueRows(problem.robot, problem.limits.actuators.half_range, points, shape),
-        cost=curve_cost(task, guess, spec, shape),
-        smooth=_smoothing(task, guess, spec, shape),
-        derivative_rows=tuple(DerivativeRows.of(bases, shape, k, finite(limits[k])) for k in shape.orders),
-        program=program,
-        clearance=None if required is None else clearance_rows(required, guess, task.policy.sequential),
-    )
-
-
-def _smoothing(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) -> sp.csr_matrix:
-    """Weights of squared accelerations over velocity limits, in the unknowns; zero if torques have a cost."""
-    if spec.smooth or spec.travel:
-        return sp.csr_matrix((shape.size, shape.size))
-    numbers, times = task.policy.sequential, np.array([leg.duration for leg in guess.legs])
-    prices = numbers.smooth * np.ones(times.size)
-    if shape.joined:  # of accelerations in time: those of short legs are large
-        prices = numbers.smooth_short * (np.max(times) / times) ** 3
-    squared = [price * leg.basis.squared(2, POINTS) for price, leg in zip(prices, guess.legs, strict=True)]
-    return quadratic_form(shape, squared, task.problem.limits.velocity)
+        Args:
+            step: the program.
+            x: unknowns at the iterate.
+            trust: radius of the region [rad or m].
+            durations: largest decrease and increase of a duration, as parts of it.
+        """
+        (low, high), own = self.bounds, self.cost.durations
+        lower, upper = np.full(x.size, -trust), np.full(x.size, trust)
+        lower[own], upper[own] = -durations[0] * x[own], durations[1] * x[own]
+        lower, upper = np.maximum(lower, np.minimum(low - x, 0)), np.minimum(upper, np.maximum(high - x, 0))
+        return replace(step, bounds=(lower, upper))

@@ -84,14 +84,23 @@ class DerivativeRows:
         order: order of the derivative.
         linear: ∂c/∂(unknowns), shape (rows, unknowns); the last entry of every row is a zero at its T.
         duration: index of T of each row, shape (rows,).
+        bounds: low and high, each of shape (rows,).
     """
 
     order: int
     linear: sp.csr_matrix
     duration: Index
+    bounds: tuple[Array, Array]
 
     @classmethod
-    def of(cls, bases: Sequence[Basis], shape: CurveLayout, order: int, scales: Array) -> Self:
+    def of(
+        cls,
+        bases: Sequence[Basis],
+        shape: CurveLayout,
+        order: int,
+        scales: Array,
+        bounds: tuple[Array, Array],
+    ) -> Self:
         """Rows of all legs, by control point and joint.
 
         Args:
@@ -99,6 +108,7 @@ class DerivativeRows:
             shape: layout of the program.
             order: order of the derivative.
             scales: scale of every joint, shape (joints,).
+            bounds: low and high, each of shape (rows,).
         """
         columns, values = [], []
         for k, basis in enumerate(bases):
@@ -110,21 +120,23 @@ class DerivativeRows:
         entries, index = np.concatenate(values), np.concatenate(columns)
         starts = np.arange(len(index) + 1) * (order + 2)
         linear = sp.csr_matrix((entries.ravel(), index.ravel(), starts), (len(index), shape.size))
-        return cls(order, linear, index[:, -1])
+        return cls(order, linear, index[:, -1], bounds)
 
-    def at(self, x: Array, bounds: tuple[Array, Array]) -> Sides:
-        """Linearise the rows.
-
-        Args:
-            x: unknowns, shape (unknowns,).
-            bounds: low and high, each of shape (rows,).
-        """
+    def at(self, x: Array, lead: Array | None = None) -> Sides:
+        """Linearise the rows at unknowns x, shape (unknowns,); lead: as in `TorqueParts`."""
         k, linear, T = self.order, self.linear, x[self.duration]
         c = linear @ x
         entries = linear.data.reshape(c.size, -1) / T[:, None] ** k
         entries[:, -1] = -k * c / T ** (k + 1)
-        jacobian = with_values(linear, entries.ravel())
-        return Sides(jacobian, c / T**k, bounds, k, self.duration)
+        jacobian = _with_lead(with_values(linear, entries.ravel()), lead)
+        return Sides(jacobian, c / T**k, self.bounds, k, self.duration)
+
+
+def _with_lead(jacobian: sp.csr_matrix, lead: Array | None) -> sp.csr_matrix:
+    """Add to the last entry of every row, that of its T, the change by the unknowns that move with T."""
+    if lead is not None:
+        jacobian.data[jacobian.indptr[1:] - 1] += jacobian @ lead
+    return jacobian
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +168,11 @@ class TorqueParts:
 
 
 class TorqueRows:
-    """Torques of all curves of one layout on the same bases."""
+    """Torques of all curves of one layout on the same bases.
+
+    Attributes:
+        torque: inverse dynamics.
+    """
 
     def __init__(self, robot: Robot, half_range: Array, legs: Sequence[tuple[Basis, Array]], shape: CurveLayout):
         """Evaluate the splines at the points.
@@ -168,7 +184,7 @@ class TorqueRows:
             shape: layout of the program.
         """
         self.half_range, n = half_range, robot.nv
-        self._torque, self._derivatives = inverse_dynamics(robot), inverse_dynamics_derivatives(robot)
+        self.torque, self._derivatives = inverse_dynamics(robot), inverse_dynamics_derivatives(robot)
         self._local, self._points = np.concatenate([basis.local(s) for basis, s in legs]), shape.windows(legs)
         self._duration = np.repeat([shape.duration(k) for k in shape.legs], [s.size for _, s in legs])
         columns = np.hstack([self._points.reshape(self._duration.size, -1), self._duration[:, None]])
@@ -181,7 +197,7 @@ class TorqueRows:
         T = x[self._duration][:, None]
         q, dq, ddq = (self._local @ x[self._points]).transpose(1, 0, 2)
         v, a = dq / T, ddq / T**2
-        return TorqueParts(self, T, q, v, a, self._torque(q, v, a) / self.half_range, lead)
+        return TorqueParts(self, T, q, v, a, self.torque(q, v, a) / self.half_range, lead)
 
     def jacobian(self, at: TorqueParts) -> sp.csr_matrix:
         """Linearise torques; see `TorqueParts`."""
@@ -192,10 +208,7 @@ class TorqueRows:
         by_duration = -(by_v @ at.v[..., None] + 2 * inertia @ at.a[..., None]) / wide
         columns = [by_points.reshape(len(tau), -1, n, n).transpose(0, 2, 1, 3).reshape(len(tau), n, -1), by_duration]
         values = np.concatenate(columns, axis=2) / self.half_range[:, None]
-        matrix = with_values(self._pattern, values.ravel())
-        if at.lead is not None:
-            matrix.data[matrix.indptr[1:] - 1] += matrix @ at.lead
-        return matrix
+        return _with_lead(with_values(self._pattern, values.ravel()), at.lead)
 
 
 @dataclass(frozen=True, eq=False)

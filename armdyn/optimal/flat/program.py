@@ -95,6 +95,10 @@ class CurveLayout:
         """Rows of the equations of a derivative's control points, shape (control points, joints)."""
         return self._rows(leg)[1 + self.orders.index(order)]
 
+    def rates_of_all(self, order: int) -> Index:
+        """Rows of the equations of a derivative's control points on all legs, shape (rows,)."""
+        return np.concatenate([self.rates(leg, order).ravel() for leg in self.legs])
+
     def torque_speeds(self, leg: int) -> Index:
         """Rows of the lines of torque-speed curves, shape (intervals * POINTS, lines, joints)."""
         return self._rows(leg)[-1].reshape(-1, self.lines, self.joints)

@@ -8,10 +8,10 @@ from armdyn.arrays import Flags
 from armdyn.codegen.background import arrived
 from armdyn.locks import forget
 from armdyn.optimal.flat.curve import Curve
-from armdyn.optimal.flat.curve_program import curve_program
 from armdyn.optimal.flat.nlp_data import CurveSpec, assemble_curve, curve_layout, rows_of
 from armdyn.optimal.flat.program import CurveLayout, build
 from armdyn.optimal.flat.sequential import SequenceSettings, Sequential, Tighten
+from armdyn.optimal.flat.task_program import curve_program
 from armdyn.optimal.path_constraints.rows import StageRows
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Program
@@ -109,10 +109,11 @@ def solve_in_steps(
         steps: settings of the sequence.
         numbers: tuned numbers; None: the task's.
     """
-    problem = curve_program(task, guess, spec)
-    result = Sequential(problem, numbers or task.policy.sequential, task.stop).solve(steps)
-    shape, rows = problem.shape, rows_of(task.problem, spec.constraints)
-    limits = np.less(*problem.numbers.g_bounds)
+    shape, rows = curve_layout(task.problem, guess, spec.constraints), rows_of(task.problem, spec.constraints)
+    data = assemble_curve(task, guess, spec, shape)
+    program = curve_program(task, guess, spec, shape, data)
+    result = Sequential(program, data, guess.duration, numbers or task.policy.sequential, task.stop).solve(steps)
+    limits = np.less(*data.g_bounds)
     return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration, limits, in_steps=True)
 
 

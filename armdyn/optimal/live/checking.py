@@ -6,10 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.dynamics.numeric import StateFunction
 from armdyn.models.values.joint_limits import JointLimits
+from armdyn.optimal.flat.curve import CurveLeg
 from armdyn.optimal.flat.excess import peaks
-from armdyn.optimal.live.program import StepProgram
+from armdyn.optimal.live.program import LiveProblem
+from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE
+from armdyn.trajectory import Trajectory
 from armdyn.trajectory.interpolation import cubic_accelerations
 
 
@@ -48,31 +50,38 @@ class SampledCurve:
         return self.torque <= -spare and self.other <= tolerance
 
 
-def check(program: StepProgram, points: Array, duration: float, torque: StateFunction) -> SampledCurve:
-    """Check a curve at its samples.
-
-    Args:
-        program: program with the mesh and the limits.
-        points: control points of the curve.
-        duration: duration of the curve [s].
-        torque: inverse dynamics, friction included.
-    """
-    mesh, limits = program.mesh, program.limits
-    derivatives = mesh.of_samples @ points
+def check(live: LiveProblem, leg: CurveLeg) -> SampledCurve:
+    """Check a curve at its samples."""
+    mesh, limits, duration = live.mesh, live.problem.limits, leg.duration
+    derivatives = mesh.of_samples @ leg.points
     q, v, a = derivatives[0], derivatives[1] / duration, derivatives[2] / duration**2
-    tau = torque(q, v, a)
+    tau = live.program.torque_rows.torque(q, v, a)
     lower, upper = limits.actuators.range(q, v)
     above, below = (
         np.max(mesh.once(peaks(mesh.per_interval(each)))[mesh.around], axis=1)
-        for each in ((tau - upper) / program.half, (lower - tau) / program.half)
+        for each in ((tau - upper) / live.half, (lower - tau) / live.half)
     )
     bounded = np.where(np.isinf(limits.position_upper), 1.0, limits.position_upper - limits.position_lower)
     other = max(
         float(np.max(np.abs(v) / limits.velocity)) - 1,
         float(np.max(np.maximum(q - limits.position_upper, limits.position_lower - q) / bounded)),
-        acceleration_excess(duration * mesh.samples, q, v, program.acceleration),
+        acceleration_excess(duration * mesh.samples, q, v, live.acceleration),
     )
     return SampledCurve(duration * mesh.samples, q, v, a, tau, above, below, other)
+
+
+def motion_of(live: LiveProblem, sampled: SampledCurve, name: str) -> Trajectory:
+    """The samples as a motion."""
+    robot = live.problem.robot
+    q, v, tau = sampled.q, sampled.v, sampled.tau
+    return Trajectory(sampled.t, q, v, tau, robot.joint_names, robot.marked(name), robot.model_hash)
+
+
+def within_limits(live: LiveProblem, sampled: SampledCurve) -> bool:
+    """Whether a curve satisfies all limits and distances."""
+    kept = sampled.kept(live.numbers.live.least_reserve, LIMIT_TOLERANCE)
+    kept = kept and between_samples(sampled, live.problem.limits, live.inertia) <= LIMIT_TOLERANCE
+    return kept and live.clear(motion_of(live, sampled, "checked"))
 
 
 def acceleration_excess(t: Array, q: Array, v: Array, limits: Array) -> float:

@@ -1,25 +1,32 @@
-"""Program of one step of replanning: mesh, unknowns, rows and cost.
+"""Problem of one call, and the program of curves from its start state to rest at its goal.
 
 The start state is satisfied exactly: the first control point is its position, the second one is offset along its
 velocity, in proportion to the duration. The last two control points are the goal.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 import scipy.sparse as sp
 
 from armdyn.arrays import Array, Index
+from armdyn.dynamics.numeric import joint_inertia
 from armdyn.locks import cached_property
-from armdyn.models.values.joint_limits import JointLimits
-from armdyn.optimal.flat.basis import Basis
-from armdyn.optimal.flat.convex_step import ConvexStep, SoftRows, solve_step, with_values
+from armdyn.optimal.flat.basis import Basis, graded
+from armdyn.optimal.flat.convex_step import solve_step, with_values
 from armdyn.optimal.flat.curve import Curve, CurveLeg
-from armdyn.optimal.flat.curve_program import quadratic_form
-from armdyn.optimal.flat.linear_rows import ClearanceRows, DerivativeRows, Linearised, Sides, TorqueParts, TorqueRows
+from armdyn.optimal.flat.curve_program import CurveCost, CurveProgram, Iterate, Prices, quadratic_form
+from armdyn.optimal.flat.linear_rows import DerivativeRows, TorqueRows, clearance_rows
 from armdyn.optimal.flat.nlp_data import TorqueMargin, finite
 from armdyn.optimal.flat.program import CurveLayout
+from armdyn.optimal.path_constraints.clearance import ClearanceConstraint
+from armdyn.optimal.path_constraints.constraint import ConstraintReport
+from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.policy.live import LivePolicy
+from armdyn.optimal.task.policy.policy import Policy
+from armdyn.trajectory import Trajectory
 
 _PER_INTERVAL = 2
 """Number of places of an interval at which torques are limited: its start and its middle."""
@@ -87,46 +94,6 @@ class Places:
 
 _IN_FLIGHT = 1e-5
 """Reserve of the velocity limits, as a part of them: programs are solved to a tenth of it."""
-_OPEN = 1e-9
-"""Freedom of a control point at, or beyond, a position limit in that direction [rad or m]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Ends:
-    """Start state and goal of a motion.
-
-    Attributes:
-        q: positions at the start [rad or m], shape (nv,).
-        v: velocities at the start [rad/s or m/s], shape (nv,).
-        goal: positions at the goal, at rest [rad or m], shape (nv,).
-    """
-
-    q: Array
-    v: Array
-    goal: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Iterate:
-    """A curve at which torques, rates and distances are linearised.
-
-    Attributes:
-        x: unknowns of the layout; the torques among them are 0 and unused.
-        points: control points [rad or m], shape (basis.size, nv).
-        duration: duration [s].
-        cost: duration plus the weighted squared accelerations [s].
-        torques: torques at the places, linear in the unknowns.
-        rates: control points of velocities, and of accelerations if these are limited.
-        distances: linearised distances; None: no distances are required.
-    """
-
-    x: Array
-    points: Array
-    duration: float
-    cost: float
-    torques: TorqueParts
-    rates: tuple[Sides, ...]
-    distances: Linearised | None = None
 
 
 @dataclass(frozen=True)
@@ -147,156 +114,198 @@ class ProgramStep:
     """Step of a quadratic program.
 
     Attributes:
-        points: change of the control points [rad or m], shape (basis.size, nv).
-        longer: change of the duration [s].
+        leg: curve that the step leads to.
         promised: predicted merit [s].
         part: size of the step as a part of the greatest one.
     """
 
-    points: Array
-    longer: float
+    leg: CurveLeg
     promised: float
     part: float
 
 
-class StepProgram:
-    """Quadratic programs of one structure, independent of the payload.
+@dataclass(eq=False)
+class Distances:
+    """Clearance constraint of a live motion.
 
     Attributes:
-        mesh: mesh of the curve.
-        limits: limits of torques, velocities and positions.
-        acceleration: acceleration limits [rad/s² or m/s²], shape (nv,), inf: none.
-        layout: layout of the unknowns.
+        constraint: clearance constraint, with the places at which curves violated it.
+        report: report on the last checked motion.
     """
 
-    def __init__(self, mesh: Places, limits: JointLimits, acceleration: Array, policy: LivePolicy):
-        self.mesh, self.limits, self.acceleration, self.policy = mesh, limits, acceleration, policy
-        self.half, nv = limits.actuators.half_range, limits.velocity.size
-        self.layout = CurveLayout(nv, (mesh.basis.intervals,))
-        self._points, self._last = self.layout.points(0), self.layout.duration(0)
-        rows = self._rates(1, limits.velocity * (1 - _IN_FLIGHT))
-        inner = slice(nv, -nv)  # the first and the last velocity are given
-        self._rows = [replace(rows, linear=rows.linear[inner], duration=rows.duration[inner])]
-        if np.any(np.isfinite(acceleration)):
-            self._rows.append(self._rates(2, acceleration * (1 - policy.acceleration_reserve)))
-        self._bounds = [np.where(np.isinf(limit), np.inf, 1.0) for limit in (limits.velocity, acceleration)]
-        second = mesh.basis.values(mesh.places, 2)
-        squares = policy.smooth * (second.T * mesh.weights) @ second
-        self._smoothing = quadratic_form(self.layout, [squares], finite(limits.velocity))
-        self._nothing = sp.csr_matrix((0, self.layout.size)), np.empty(0)
-        free = self._points[2:-2].ravel()
-        self._place = np.full(self.layout.size, -1, dtype=np.int32)
-        self._place[free], self._place[self._last] = np.arange(free.size), free.size
+    constraint: ClearanceConstraint
+    report: ConstraintReport | None = None
 
-    def _rates(self, order: int, limit: Array) -> DerivativeRows:
-        return DerivativeRows.of([self.mesh.basis], self.layout, order, finite(limit))
+    def kept(self, problem: MinimumTimeProblem, motion: Trajectory) -> bool:
+        """Whether a motion provably satisfies all distances; if not, the constraint is tightened for the next step."""
+        self.report = self.constraint.check(problem, motion, np.empty(0))
+        self.constraint = self.constraint.tightened(problem, self.report)
+        return not self.report.reasons
 
-    def with_ends(self, points: Array, duration: float, ends: Ends) -> Array:
-        """Control points within position limits of a curve from the start state to rest at the goal."""
-        out = np.clip(points, self.limits.position_lower, self.limits.position_upper)
-        out[0], out[1] = ends.q, ends.q + self._first_difference(ends) * duration
-        out[-2:] = ends.goal
-        return out
 
-    def curve(self, points: Array, duration: float) -> Curve:
-        """The curve of control points."""
-        return Curve((CurveLeg(self.mesh.basis, points, duration),))
+@dataclass(frozen=True, eq=False)
+class LiveProblem:
+    """Problem of one call, with the program of its curves.
 
-    def linearise(
-        self, points: Array, duration: float, ends: Ends, torques: TorqueRows, clear: ClearanceRows | None
-    ) -> Iterate:
-        """Linearise a curve.
+    Attributes:
+        problem: arm, limits, start state and goal.
+        numbers: tuned numbers.
+        mesh: mesh of the curves.
+        program: program of the curves, whose second control point moves with the duration.
+        inertia: inertia as a function of positions; see `joint_inertia`.
+        distances: required distances; None: no distances.
+    """
 
-        Args:
-            points: control points from `with_ends`.
-            duration: duration [s].
-            ends: start state and goal.
-            torques: linearisation of the torques at the places of the mesh.
-            clear: required distances; None: no distances.
-        """
-        x = np.zeros(self.layout.size)
-        x[self._points], x[self._last] = points, duration
-        rates, lead = [], np.zeros(x.size)
-        lead[self._points[1]] = self._first_difference(ends)  # the second control point moves with the duration
-        for rows, bound in zip(self._rows, self._bounds, strict=False):
-            most = np.tile(bound, rows.duration.size // bound.size)
-            sides = rows.at(x, (-most, most))
-            sides.jacobian.data[sides.jacobian.indptr[1:] - 1] += sides.jacobian @ lead
-            rates.append(sides)
-        distances = None if clear is None else clear.at(self.layout, x)
-        cost = duration + float(x @ (self._smoothing @ x)) / 2
-        return Iterate(x, points, duration, cost, torques.at(x, lead), tuple(rates), distances)
+    problem: MinimumTimeProblem
+    numbers: Policy
+    mesh: Places
+    program: CurveProgram
+    inertia: Callable[[Array], Array]
+    distances: Distances | None = None
+
+    @classmethod
+    def of(cls, problem: MinimumTimeProblem, numbers: Policy) -> Self:
+        """Build the program of a problem's arm and limits."""
+        policy = numbers.live
+        mesh = Places(Basis(graded(policy.intervals, policy.shortest)), policy.checks)
+        program = _curve_program(problem, policy, mesh)
+        return cls(problem, numbers, mesh, program, joint_inertia(problem.robot))
+
+    def for_problem(self, problem: MinimumTimeProblem) -> Self:
+        """The same limits with another start state and goal, and perhaps another payload."""
+        program, inertia, robot = self.program, self.inertia, problem.robot
+        if robot is not self.problem.robot:
+            rows = _torque_rows(problem, self.mesh, program.shape)
+            program, inertia = replace(program, torque_rows=rows), joint_inertia(robot)
+        lead, constraint = np.zeros(self.program.shape.size), ClearanceConstraint.from_problem(problem)
+        lead[self.points[1]] = np.asarray(problem.v_start) / self.mesh.basis.factors(1)[0]
+        distances = None if constraint is None else Distances(constraint)
+        program = replace(program, lead=lead)
+        return replace(self, problem=problem, program=program, inertia=inertia, distances=distances)
+
+    @cached_property
+    def half(self) -> Array:
+        """Half the torque ranges [N m or N], shape (nv,)."""
+        return self.problem.limits.actuators.half_range
+
+    @property
+    def acceleration(self) -> Array:
+        """Acceleration limits [rad/s² or m/s²], shape (nv,); inf: none."""
+        return acceleration_limits(self.problem)
+
+    @property
+    def v(self) -> Array:
+        """Velocities at the start [rad/s or m/s], shape (nv,)."""
+        return np.asarray(self.problem.v_start)
+
+    @cached_property
+    def points(self) -> Index:
+        """Indices of the control points, shape (basis.size, nv)."""
+        return self.program.shape.points(0)
+
+    def leg(self, x: Array) -> CurveLeg:
+        """The curve of unknowns, shape (unknowns,)."""
+        return CurveLeg(self.mesh.basis, x[self.points], float(x[self.program.cost.durations[0]]))
+
+    def at(self, leg: CurveLeg) -> Iterate:
+        """Linearise a curve, moved into the position limits and to the start state and the goal."""
+        program, limits, (start, goal) = self.program, self.problem.limits, self.problem.poses
+        own, x = self.points, np.array(program.lead)
+        points = np.clip(leg.points, limits.position_lower, limits.position_upper)
+        points[0], points[1], points[-2:] = start, start + x[own[1]] * leg.duration, goal
+        x[own], x[program.cost.durations] = points, leg.duration
+        if self.distances is not None:
+            required = self.distances.constraint.required_distances(self.problem)
+            near = clearance_rows(required, Curve((self.leg(x),)), self.numbers.sequential)
+            program = replace(program, clearance=near)
+        return program.at(x)
 
     def merit(self, at: Iterate, margins: TorqueMargin, price: float) -> float:
         """Cost plus the priced violations [s]; price: price of a torque [s]."""
-        policy = self.policy
-        torque = np.maximum(np.max(np.maximum(*self.violations(at, margins)), axis=1), 0)
-        rates = sum(price * sides.missed for price, sides in self._priced(at))
-        missing = 0.0 if at.distances is None else float(np.sum(at.distances.missing))
-        return at.cost + price * float(np.sum(torque)) + rates + policy.distance * missing
+        return at.cost + sum(at.penalties(self.torque_limits(at, margins), self._prices(at, price)))
 
-    def violations(self, at: Iterate, margins: TorqueMargin) -> tuple[Array, Array]:
-        """Excess over the upper and the lower torque limits less margins, as parts of half the ranges."""
-        lower, upper = self._torque_limits(at, margins)
-        return at.torques.tau - upper, lower - at.torques.tau
+    def torque_limits(self, at: Iterate, margins: TorqueMargin) -> tuple[Array, Array]:
+        """Torque limits at the places, in the states of the iterate, as parts of half the ranges."""
+        lower, upper = self.problem.limits.actuators.range(at.torques.q, at.torques.v)
+        return lower / self.half + margins.lower, upper / self.half - margins.upper
 
-    def step(self, at: Iterate, margins: TorqueMargin, ends: Ends, control: StepControl) -> ProgramStep | None:
+    def step(self, at: Iterate, margins: TorqueMargin, control: StepControl) -> ProgramStep | None:
         """Solve the quadratic program of a step; None: not solved.
 
         Args:
             at: the linearised curve.
             margins: torque margins.
-            ends: start state and goal.
             control: size of the step, and price of torques.
         """
-        policy, T, reach, x = self.policy, at.duration, control.reach, at.x
-        over, under = self.violations(at, margins)
-        places = np.repeat(np.arange(len(over)), over.shape[1])
-        soft = [SoftRows.between(at.torques.jacobian, under.ravel(), -over.ravel(), places, control.price)]
-        for price, sides in self._priced(at):
-            soft.append(SoftRows(*sides.below(x), price))
-        if at.distances is not None:
-            soft.append(SoftRows((-at.distances.jacobian,), at.distances.spare, at.distances.samples, policy.distance))
-        gradient = self._smoothing @ x
-        gradient[self._last] = 1.0 + gradient[self._points[1]] @ self._first_difference(ends)
-        found = solve_step(
-            ConvexStep(
-                place=self._place,
-                gradient=gradient,
-                curvature=with_values(self._smoothing, (1 + policy.proximal / reach) * self._smoothing.data),
-                squares=self._nothing,
-                bounds=self._step_bounds(at, reach),
-                hard=((), np.empty(0)),
-                soft=tuple(soft),
-            ),
-            policy.accuracy,
-        )
+        policy, program, reach = self.numbers.live, self.program, control.reach
+        step = program.step_program(at, self.torque_limits(at, margins), self._prices(at, control.price))
+        curvature = with_values(step.curvature, (1 + policy.proximal / reach) * step.curvature.data)
+        durations = reach * policy.faster, reach * policy.slower
+        step = program.within(replace(step, curvature=curvature), at.x, reach * policy.trust, durations)
+        found = solve_step(step, policy.accuracy)
         if not found.found:
             return None
-        points, longer = found.step[self._points], float(found.step[self._last])
-        greatest = T * (policy.faster if longer < 0 else policy.slower)
-        part = max(float(np.max(np.abs(points))) / policy.trust, abs(longer) / greatest)
-        return ProgramStep(points, longer, at.cost + found.cost, part)
+        change, before = self.leg(found.step), self.leg(at.x)
+        greatest = before.duration * (policy.faster if change.duration < 0 else policy.slower)
+        part = max(float(np.max(np.abs(change.points))) / policy.trust, abs(change.duration) / greatest)
+        return ProgramStep(self.leg(at.x + found.step), at.cost + found.cost, part)
 
-    def _step_bounds(self, at: Iterate, reach: float) -> tuple[Array, Array]:
-        """Bounds of a step: trust region, and position limits of the control points."""
-        policy, limits, own, last = self.policy, self.limits, self._points, self._last
-        high = np.full(at.x.size, reach * policy.trust)
-        low = -high
-        low[own] = np.maximum(low[own], np.minimum(limits.position_lower - at.points, -_OPEN))
-        high[own] = np.minimum(high[own], np.maximum(limits.position_upper - at.points, _OPEN))
-        low[last], high[last] = -reach * policy.faster * at.duration, reach * policy.slower * at.duration
-        return low, high
+    def clear(self, motion: Trajectory) -> bool:
+        """Whether a motion provably satisfies all distances."""
+        return self.distances is None or self.distances.kept(self.problem, motion)
 
-    def _first_difference(self, ends: Ends) -> Array:
-        """Distance of the second control point from the first over the duration [rad/s or m/s], shape (nv,)."""
-        return np.asarray(ends.v / self.mesh.basis.factors(1)[0])
+    def _prices(self, at: Iterate, torque: float) -> Prices:
+        """Prices of violations: those of derivatives by the duration at the iterate."""
+        policy, (T,) = self.numbers.live, at.x[self.program.cost.durations]
+        return Prices(torque, policy.distance, tuple(policy.rate * T**sides.power for sides in at.sides))
 
-    def _torque_limits(self, at: Iterate, margins: TorqueMargin) -> tuple[Array, Array]:
-        """Torque limits at the places, in the states of the iterate, as parts of half the ranges."""
-        lower, upper = self.limits.actuators.range(at.torques.q, at.torques.v)
-        return lower / self.half + margins.lower, upper / self.half - margins.upper
 
-    def _priced(self, at: Iterate) -> list[tuple[float, Sides]]:
-        """Rows of each derivative's control points, with the price of their excess [s]."""
-        return [(self.policy.rate * at.duration ** (k + 1), sides) for k, sides in enumerate(at.rates)]
+def acceleration_limits(problem: MinimumTimeProblem) -> Array:
+    """Acceleration limits [rad/s² or m/s²], shape (nv,); inf: none."""
+    given = problem.acceleration_limit
+    return np.full(problem.robot.nv, np.inf) if given is None else np.asarray(given)
+
+
+def _curve_program(problem: MinimumTimeProblem, policy: LivePolicy, mesh: Places) -> CurveProgram:
+    """Program of curves on a mesh, within a problem's limits."""
+    limits, n = problem.limits, problem.robot.nv
+    shape = CurveLayout(n, (mesh.basis.intervals,))
+    points, duration, count = shape.points(0), shape.duration(0), mesh.places.size
+    lower, upper, free = np.full(shape.size, -np.inf), np.full(shape.size, np.inf), np.zeros(shape.size, dtype=bool)
+    lower[points], upper[points] = limits.position_lower, limits.position_upper
+    free[points[2:-2]] = free[duration] = True
+
+    def rates(order: int, limit: Array) -> DerivativeRows:
+        most = np.tile(np.where(np.isinf(limit), np.inf, 1.0), mesh.basis.size - order)
+        if order == 1:  # the first and the last velocity are given
+            most[:n] = most[-n:] = np.inf
+        return DerivativeRows.of([mesh.basis], shape, order, finite(limit), (-most, most))
+
+    rows, acceleration = [rates(1, limits.velocity * (1 - _IN_FLIGHT))], acceleration_limits(problem)
+    if np.any(np.isfinite(acceleration)):
+        rows.append(rates(2, acceleration * (1 - policy.acceleration_reserve)))
+    second = mesh.basis.values(mesh.places, 2)
+    squares = policy.smooth * (second.T * mesh.weights) @ second
+    nothing = np.zeros((count, n))
+    cost = CurveCost(
+        durations=np.array([duration]),
+        duration_of_point=np.full(count, duration),
+        tie=nothing[:, 0],
+        effort=nothing,
+        steps=nothing[1:, 0],
+        moving=quadratic_form(shape, [squares], finite(limits.velocity)),
+    )
+    return CurveProgram(
+        shape=shape,
+        torque_rows=_torque_rows(problem, mesh, shape),
+        derivative_rows=tuple(rows),
+        cost=cost,
+        smooth=sp.csr_matrix((shape.size, shape.size)),
+        bounds=(lower, upper),
+        free=free,
+        torques=np.empty((0, n), dtype=int),
+    )
+
+
+def _torque_rows(problem: MinimumTimeProblem, mesh: Places, shape: CurveLayout) -> TorqueRows:
+    return TorqueRows(problem.robot, problem.limits.actuators.half_range, [(mesh.basis, mesh.places)], shape)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass, field, fields, replace
+from dataclasses import KW_ONLY, dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -12,20 +12,18 @@ from numpy.typing import ArrayLike
 
 from armdyn.arguments import expect, number
 from armdyn.arrays import Array
-from armdyn.dynamics.numeric import inverse_dynamics, joint_inertia
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.scene.reaching import GoalPose
-from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.answer.assembly import without_motion
 from armdyn.optimal.answer.solution import Solution
-from armdyn.optimal.flat.basis import Basis, graded
-from armdyn.optimal.flat.linear_rows import TorqueRows
+from armdyn.optimal.flat.curve import CurveLeg
 from armdyn.optimal.flat.nlp_data import TorqueMargin
 from armdyn.optimal.landing.limit_violations import worst_violation
-from armdyn.optimal.live.improving import Distances, Guess, Improved, LimitedArm, improve
-from armdyn.optimal.live.program import Ends, Places, StepProgram
+from armdyn.optimal.live.checking import motion_of
+from armdyn.optimal.live.improving import Guess, improve
+from armdyn.optimal.live.program import LiveProblem, acceleration_limits
 from armdyn.optimal.live.stopping import LastMotion, at_rest, fallback, rest_of_last
 from armdyn.optimal.problem.checks import check_every_joint_has_motor
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -39,47 +37,36 @@ _SHORTEST = 1e-3
 """Least duration of a guess [s]."""
 
 
-def direct(program: StepProgram, ends: Ends, inertia: Array) -> tuple[Array, float]:
+def direct(live: LiveProblem) -> CurveLeg:
     """Cubic polynomials from the start state to rest, in the time of the slowest joint alone.
 
     Each joint is a double integrator: full acceleration, velocity limit, full deceleration.
-
-    Args:
-        program: program with mesh and limits.
-        ends: start state and goal.
-        inertia: inertia of each joint at the start [kg m² or kg], shape (nv,).
-
-    Returns:
-        Control points and duration.
     """
-    way, a = ends.goal - ends.q, program.policy.guess_torque * program.half / inertia
-    turn = np.where(way < ends.v * np.abs(ends.v) / (2 * a), -1.0, 1.0)
-    way, v, fastest = turn * way, turn * ends.v, program.limits.velocity
+    start, goal = live.problem.poses
+    way, a = goal - start, live.numbers.live.guess_torque * live.half / np.diag(live.inertia(start))
+    turn = np.where(way < live.v * np.abs(live.v) / (2 * a), -1.0, 1.0)
+    way, v, fastest = turn * way, turn * live.v, live.problem.limits.velocity
     peak = np.sqrt(np.maximum(a * way + v**2 / 2, 0))
     top = np.minimum(peak, fastest)
     cruise = np.maximum(way - (2 * top**2 - v**2) / (2 * a), 0) / fastest
     duration = float(max(np.max((2 * top - v) / a + cruise), _SHORTEST))
-    r = program.mesh.basis.places[:, None]
-    lead, blend = (r**3 - 2 * r**2 + r) * ends.v * duration, _blend(r)
-    return ends.q + lead + blend * (ends.goal - ends.q), duration
+    r = live.mesh.basis.places[:, None]
+    lead, blend = (r**3 - 2 * r**2 + r) * live.v * duration, _blend(r)
+    return CurveLeg(live.mesh.basis, start + lead + blend * (goal - start), duration)
 
 
-def rest_of(mesh: Places, positions: Array, ends: Ends, duration: float) -> tuple[Array, float]:
+def rest_of(live: LiveProblem, positions: Array, duration: float) -> CurveLeg:
     """The rest of a motion, bent to another goal.
 
     Args:
-        mesh: mesh of the curve.
+        live: the problem.
         positions: positions of the motion at the parts `mesh.basis.places` of the remaining time [rad or m], shape
             (basis.size, nv).
-        ends: start state and goal.
         duration: remaining time [s].
-
-    Returns:
-        Control points and duration.
     """
-    r = mesh.basis.places[:, None]
-    correction = (1 - _blend(r)) * (ends.q - positions[0]) + _blend(r) * (ends.goal - positions[-1])
-    return positions + correction, max(duration, _SHORTEST)
+    r, (start, goal) = live.mesh.basis.places[:, None], live.problem.poses
+    correction = (1 - _blend(r)) * (start - positions[0]) + _blend(r) * (goal - positions[-1])
+    return CurveLeg(live.mesh.basis, positions + correction, max(duration, _SHORTEST))
 
 
 def _blend(r: Array) -> Array:
@@ -138,7 +125,7 @@ class Resolver:
     clearance: float = 0.005
     allowed_contacts: Sequence[tuple[str, str]] = ()
     _last: LastMotion | None = field(default=None, init=False, repr=False)
-    _arm: LimitedArm | None = field(default=None, init=False, repr=False)
+    _known: LiveProblem | None = field(default=None, init=False, repr=False)
     _draft: Guess | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -189,25 +176,23 @@ class Resolver:
         began = time.perf_counter()
         until = np.inf if deadline is None else began + number(deadline, "deadline", unit="s", sign="positive")
         problem = self._problem(q, v, goal)
-        arm = replace(self._prepared(problem), distances=Distances.of(problem, Policy.of(problem).sequential))
-        ends = Ends(np.asarray(problem.q_start), np.asarray(problem.v_start), np.asarray(problem.q_goal))
-        inertia = np.diag(arm.inertia(ends.q))
-        if (rest := self._rest_of_last(arm, ends)) is not None:
-            return _solution(problem, (Status.SOLVED, rest), arm.distances, 0, time.perf_counter() - began)
-        found, draft, steps = self._improved(arm, ends, inertia, until)
+        live = self._prepared(problem)
+        if (rest := self._rest_of_last(live)) is not None:
+            return _solution(live, (Status.SOLVED, rest), 0, time.perf_counter() - began)
+        found, draft, steps = improve(live, self._guesses(live), until)
         self._draft = draft if found is None else None  # the next call continues from it
         if found is not None:
             late = Status.ITERATION_LIMIT if deadline is None else Status.TIME_LIMIT
-            status, motion = Status.SOLVED if found.settled else late, arm.motion(found.sampled, "live")
-            self._last = LastMotion(motion, found.margins, arm.program.mesh.places, found.settled)
+            status, motion = Status.SOLVED if found.settled else late, motion_of(live, found.sampled, "live")
+            self._last = LastMotion(motion, found.margins, live.mesh.places, found.settled)
         else:
-            left = fallback(arm, ends, inertia, self._last)
+            left = fallback(live, self._last)
             if left is None:
                 self._last = None
                 return without_motion(problem, Status.FAILED, _NOTHING)
             status, motion = left
             self._last = LastMotion(motion)
-        return _solution(problem, (status, motion), arm.distances, steps, time.perf_counter() - began)
+        return _solution(live, (status, motion), steps, time.perf_counter() - began)
 
     def _problem(self, q: ArrayLike, v: ArrayLike, goal: ArrayLike | str | GoalPose) -> MinimumTimeProblem:
         """The checked problem."""
@@ -217,70 +202,53 @@ class Resolver:
         check_every_joint_has_motor(self.robot, problem.limits, "a Resolver plans curves")
         return problem
 
-    def _prepared(self, problem: MinimumTimeProblem) -> LimitedArm:
-        """The arm with its program: rebuilt only if limits or the robot have changed."""
-        known, acceleration = self._arm, np.full(self.robot.nv, np.inf)
-        if problem.acceleration_limit is not None:
-            acceleration = np.asarray(problem.acceleration_limit)
-        if known is not None and _alike(known.program, problem.limits, acceleration):
-            program = known.program
-        else:
-            numbers = Policy.of(problem).live
-            mesh = Places(Basis(graded(numbers.intervals, numbers.shortest)), numbers.checks)
-            program = StepProgram(mesh, problem.limits, acceleration, numbers)
-            self._draft = None
-        if known is None or known.program is not program or known.robot is not self.robot:
-            places = [(program.mesh.basis, program.mesh.places)]
-            torques = TorqueRows(self.robot, program.half, places, program.layout)
-            functions = inverse_dynamics(self.robot), joint_inertia(self.robot)
-            known = self._arm = LimitedArm(self.robot, program, *functions, torques)
-        return known
+    def _prepared(self, problem: MinimumTimeProblem) -> LiveProblem:
+        """The problem with its program: rebuilt only if limits or the robot have changed."""
+        known = self._known
+        if known is None or not _alike(known.problem, problem):
+            known, self._draft = LiveProblem.of(problem, Policy.of(problem)), None
+        self._known = known.for_problem(problem)
+        return self._known
 
-    def _rest_of_last(self, arm: LimitedArm, ends: Ends) -> Trajectory | None:
+    def _rest_of_last(self, live: LiveProblem) -> Trajectory | None:
         """Rest of the last motion if it leads to the goal, or a rest if the arm is at the goal; else None."""
-        if max(np.max(np.abs(ends.q - ends.goal)), np.max(np.abs(ends.v))) <= _THERE:
-            return at_rest(arm, ends.goal)
+        start, goal = live.problem.poses
+        if max(np.max(np.abs(start - goal)), np.max(np.abs(live.v))) <= _THERE:
+            return at_rest(live, goal)
         last = self._last
-        if last is None or not last.settled or np.max(np.abs(last.motion.q[-1] - ends.goal)) > _THERE:
+        if last is None or not last.settled or np.max(np.abs(last.motion.q[-1] - goal)) > _THERE:
             return None
-        return rest_of_last(arm, ends, last)
+        return rest_of_last(live, last)
 
-    def _improved(
-        self, arm: LimitedArm, ends: Ends, inertia: Array, until: float
-    ) -> tuple[Improved | None, Guess, int]:
-        """The best motion to the goal, the last curve, and the number of steps."""
-        mesh = arm.program.mesh
-        none = TorqueMargin(*np.zeros((2, mesh.places.size, ends.q.size)))
-        guesses = [(*direct(arm.program, ends, inertia), none)]
+    def _guesses(self, live: LiveProblem) -> list[Guess]:
+        """Initial curves: a direct one, the rest of the last motion, and unfinished work."""
+        mesh, start = live.mesh, live.problem.poses[0]
+        none = TorqueMargin(*np.zeros((2, mesh.places.size, start.size)))
+        guesses = [(direct(live), none)]
         if self._last is not None:
-            passed, end = self._last.passed(ends.q, ends.v), float(self._last.motion.t[-1])
+            passed, end = self._last.passed(start, live.v), float(self._last.motion.t[-1])
             positions = self._last.motion(passed + (end - passed) * mesh.basis.places).q
             margins = self._last.margins_from(passed, mesh) or none
-            guesses.append((*rest_of(mesh, positions, ends, end - passed), margins))
+            guesses.append((rest_of(live, positions, end - passed), margins))
         if self._draft is not None:
-            points, duration, margins = self._draft
-            guesses.append((*rest_of(mesh, points, ends, duration), margins))
-        return improve(arm, ends, guesses, until)
+            leg, margins = self._draft
+            guesses.append((rest_of(live, leg.points, leg.duration), margins))
+        return guesses
 
 
-def _alike(program: StepProgram, limits: JointLimits, acceleration: Array) -> bool:
-    """Whether a program has these limits."""
-    own, other = (
-        (*each.rows.values(), *each.actuators.lines, most)
-        for each, most in ((program.limits, program.acceleration), (limits, acceleration))
+def _alike(problem: MinimumTimeProblem, other: MinimumTimeProblem) -> bool:
+    """Whether two problems have the same limits."""
+    own, given = (
+        (*each.limits.rows.values(), *each.limits.actuators.lines, acceleration_limits(each))
+        for each in (problem, other)
     )
-    alike = type(program.limits.actuators) is type(limits.actuators)
-    return alike and all(np.array_equal(a, b) for a, b in zip(own, other, strict=True))
+    alike = type(problem.limits.actuators) is type(other.limits.actuators)
+    return alike and all(np.array_equal(a, b) for a, b in zip(own, given, strict=True))
 
 
-def _solution(
-    problem: MinimumTimeProblem,
-    outcome: tuple[Status, Trajectory],
-    distances: Distances | None,
-    steps: int,
-    seconds: float,
-) -> Solution:
+def _solution(live: LiveProblem, outcome: tuple[Status, Trajectory], steps: int, seconds: float) -> Solution:
     """The solution from a motion within all limits."""
+    problem, distances = live.problem, live.distances
     status, motion = outcome
     exceeded = worst_violation(problem.robot, problem.limits, motion, dense=2)
     error = np.abs(problem.goal_error_of(motion))

@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdyn.arrays import Array
+from armdyn.optimal.flat.curve import CurveLeg
 from armdyn.optimal.flat.nlp_data import TorqueMargin
 from armdyn.optimal.landing.limit_violations import limit_violation
-from armdyn.optimal.live.checking import acceleration_excess
-from armdyn.optimal.live.improving import LimitedArm
-from armdyn.optimal.live.program import Ends, Places
+from armdyn.optimal.live.checking import acceleration_excess, check, motion_of, within_limits
+from armdyn.optimal.live.program import LiveProblem, Places
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE
 from armdyn.optimal.task.policy.live import LivePolicy
@@ -85,61 +85,61 @@ class LastMotion:
         return TorqueMargin(upper, lower)
 
 
-def fallback(arm: LimitedArm, ends: Ends, inertia: Array, last: LastMotion | None) -> tuple[Status, Trajectory] | None:
+def fallback(live: LiveProblem, last: LastMotion | None) -> tuple[Status, Trajectory] | None:
     """A motion to rest within all limits, and its status; None if none of those tried is within them.
 
     Args:
-        arm: the arm with its limits.
-        ends: start state and goal.
-        inertia: inertia of each joint at the start [kg m² or kg], shape (nv,).
+        live: the problem.
         last: last returned motion.
     """
-    rest = None if last is None else rest_of_last(arm, ends, last)
+    rest = None if last is None else rest_of_last(live, last)
     if rest is not None:
         return Status.FOLLOWED if np.any(rest.v) else Status.STOPPED, rest
-    stop = _brake(arm, ends, inertia) if np.any(ends.v) else at_rest(arm, ends.q)
+    stop = _brake(live) if np.any(live.v) else at_rest(live, live.problem.poses[0])
     return None if stop is None else (Status.STOPPED, stop)
 
 
-def rest_of_last(arm: LimitedArm, ends: Ends, last: LastMotion) -> Trajectory | None:
+def rest_of_last(live: LiveProblem, last: LastMotion) -> Trajectory | None:
     """The rest of the last motion from the start state on; None: the state is not on it, or a limit is violated now."""
-    rest = last.rest(ends.q, ends.v, arm.program.policy)
-    fits = rest is not None and rest.model_hash == arm.robot.model_hash and _within_limits(arm, rest)
+    rest = last.rest(live.problem.poses[0], live.v, live.numbers.live)
+    fits = rest is not None and rest.model_hash == live.problem.robot.model_hash and _within_limits(live, rest)
     return rest if fits else None
 
 
-def at_rest(arm: LimitedArm, q: Array) -> Trajectory | None:
+def at_rest(live: LiveProblem, q: Array) -> Trajectory | None:
     """Rest at joint positions, shape (nv,); None: the motors cannot hold the arm there."""
-    hold, names = arm.robot.holding_torque(q), arm.robot.joint_names
-    stay = Trajectory.at_rest(q, hold, _REST, names, name="stays", model_hash=arm.robot.model_hash)
-    return stay if _within_limits(arm, stay) else None
+    robot = live.problem.robot
+    hold = robot.holding_torque(q)
+    stay = Trajectory.at_rest(q, hold, _REST, robot.joint_names, name="stays", model_hash=robot.model_hash)
+    return stay if _within_limits(live, stay) else None
 
 
-def _brake(arm: LimitedArm, ends: Ends, inertia: Array) -> Trajectory | None:
+def _brake(live: LiveProblem) -> Trajectory | None:
     """The shortest of the tried stops within all limits, along the straight line of the velocity.
 
     Its accelerations are constant: after the time T the arm rests at q + v T / 2. T grows by a factor, from half of
     the time of the weakest joint by its inertia.
     """
-    program, policy = arm.program, arm.program.policy
-    duration = float(np.max(np.abs(ends.v) * inertia / program.half)) / 2
-    first, second = program.mesh.basis.monomials()
+    policy, basis, v, start = live.numbers.live, live.mesh.basis, live.v, live.problem.poses[0]
+    duration = float(np.max(np.abs(v) * np.diag(live.inertia(start)) / live.half)) / 2
+    first, second = basis.monomials()
     shape = (first - second / 2)[:, None]
     for _ in range(policy.brakes):
-        sampled = arm.sampled(ends.q + shape * ends.v * duration, duration)
-        if arm.within_limits(sampled) and _holds(arm, sampled.q[-1]):
-            return arm.motion(sampled, "stop")
+        sampled = check(live, CurveLeg(basis, start + shape * v * duration, duration))
+        if within_limits(live, sampled) and _holds(live, sampled.q[-1]):
+            return motion_of(live, sampled, "stop")
         duration *= policy.longer
     return None
 
 
-def _holds(arm: LimitedArm, q: Array) -> bool:
+def _holds(live: LiveProblem, q: Array) -> bool:
     """Whether the motors hold the arm at rest at q."""
-    return bool(np.all(arm.program.limits.actuators.allows(arm.robot.holding_torque(q), q, np.zeros_like(q))))
+    hold = live.problem.robot.holding_torque(q)
+    return bool(np.all(live.problem.limits.actuators.allows(hold, q, np.zeros_like(q))))
 
 
-def _within_limits(arm: LimitedArm, motion: Trajectory) -> bool:
+def _within_limits(live: LiveProblem, motion: Trajectory) -> bool:
     """Whether a motion satisfies limits of torque, velocity, position and acceleration, and distances."""
-    faster = acceleration_excess(motion.t, motion.q, motion.v, arm.program.acceleration)
-    kept = max(limit_violation(arm.program.limits, motion), faster) <= LIMIT_TOLERANCE
-    return kept and arm.clear(motion)
+    faster = acceleration_excess(motion.t, motion.q, motion.v, live.acceleration)
+    kept = max(limit_violation(live.problem.limits, motion), faster) <= LIMIT_TOLERANCE
+    return kept and live.clear(motion)

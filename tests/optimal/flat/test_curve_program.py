@@ -8,10 +8,10 @@ import scipy.sparse as sp
 import armdyn as ad
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
-from armdyn.optimal.flat.curve_program import curve_cost, curve_program
 from armdyn.optimal.flat.nlp_data import CurveSpec, assemble_curve, curve_layout, rows_of
 from armdyn.optimal.flat.program import build
 from armdyn.optimal.flat.solve import solve_curve
+from armdyn.optimal.flat.task_program import curve_cost, curve_program
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.task.task import Task
 from oracles import robot_named
@@ -36,6 +36,13 @@ def bent(task, intervals=9):
     return guess
 
 
+def program_of(task, guess, spec):
+    """The nonlinear program's data, and the program of steps."""
+    shape = curve_layout(task.problem, guess, spec.constraints)
+    data = assemble_curve(task, guess, spec, shape)
+    return data, curve_program(task, guess, spec, shape, data)
+
+
 @pytest.mark.parametrize(
     "options", [{}, {"via": [[0.4, 0.1, 0.2, 0.0, -0.3, 0.1]]}, {"effort_weight": 0.02, "effort_limit": 100.0}]
 )
@@ -45,10 +52,9 @@ def test_rows_and_costs_are_those_of_the_nonlinear_program(options):
     spec = CurveSpec(TightenedConstraints.of(task), **WEIGHTS)
     shape = curve_layout(task.problem, guess, spec.constraints)
     program = build(task.dynamics, shape, rows_of(task.problem, spec.constraints), False)
-    data, own = assemble_curve(task, guess, spec, shape), curve_program(task, guess, spec)
-    x = data.x.copy()
-    at = own.torque_rows.at(x)
-    x[own.torques] = at.tau
+    data, own = program_of(task, guess, spec)
+    at = own.at(data.x)
+    x, sides, at = at.x, at.sides, at.torques
 
     g, matrix = program.jacobian(x, data.p)
     whole = sp.csc_matrix((matrix.nonzeros(), matrix.row(), matrix.colind()), shape=matrix.shape).toarray()
@@ -58,9 +64,9 @@ def test_rows_and_costs_are_those_of_the_nonlinear_program(options):
     by_points[:, own.torques.ravel()] = 0
     np.testing.assert_allclose(at.jacobian.toarray(), by_points, rtol=1e-9, atol=1e-9 * np.max(np.abs(by_points)))
 
-    velocities, *_ = own.sides(x, at.jacobian)
-    np.testing.assert_allclose(velocities.values, np.array(g).ravel()[own.rates(1)], atol=1e-12)
-    np.testing.assert_allclose(velocities.jacobian.toarray(), whole[own.rates(1)], rtol=1e-12, atol=1e-12)
+    velocities, rates = sides[0], shape.rates_of_all(1)
+    np.testing.assert_allclose(velocities.values, np.array(g).ravel()[rates], atol=1e-12)
+    np.testing.assert_allclose(velocities.jacobian.toarray(), whole[rates], rtol=1e-12, atol=1e-12)
 
     cost, f = curve_cost(task, guess, spec, shape), program.functions["f"]
     value = float(ca.Function("f", [program.functions["x"], program.functions["p"]], [f])(x, data.p))
@@ -75,14 +81,12 @@ def test_rows_and_costs_are_those_of_the_nonlinear_program(options):
 def test_accelerations_by_hand_are_those_of_the_nonlinear_program():
     task = task_of(via=[[0.4, 0.1, 0.2, 0.0, -0.3, 0.1]], acceleration_limit=4.0)
     guess = bent(task)
-    own = curve_program(task, guess, CurveSpec(TightenedConstraints.of(task)))
-    x = own.numbers.x.copy()
-    at = own.torque_rows.at(x)
-    x[own.torques] = at.tau
+    data, own = program_of(task, guess, CurveSpec(TightenedConstraints.of(task)))
+    at = own.at(data.x)
     program = build(task.dynamics, own.shape, (), False)
-    g, matrix = program.jacobian(x, own.numbers.p)
+    g, matrix = program.jacobian(at.x, data.p)
     whole = sp.csc_matrix((matrix.nonzeros(), matrix.row(), matrix.colind()), shape=matrix.shape).toarray()
-    found, which = own.sides(x, at.jacobian)[1], own.rates(2)
+    found, which = at.sides[1], own.shape.rates_of_all(2)
     np.testing.assert_allclose(found.values, np.array(g).ravel()[which], atol=1e-12)
     np.testing.assert_allclose(found.jacobian.toarray(), whole[which], atol=1e-11)
     expected = [np.full(own.shape.rates(leg, 2).size, own.shape.duration(leg)) for leg in own.shape.legs]
@@ -91,17 +95,15 @@ def test_accelerations_by_hand_are_those_of_the_nonlinear_program():
 
 def test_sides_of_a_power_of_the_duration_are_exact_or_safe():
     task = task_of(acceleration_limit=4.0)
-    own = curve_program(task, bent(task), CurveSpec(TightenedConstraints.of(task)))
-    x = own.numbers.x.copy()
-    at = own.torque_rows.at(x)
-    x[own.torques] = at.tau
+    data, own = program_of(task, bent(task), CurveSpec(TightenedConstraints.of(task)))
+    at = own.at(data.x)
     duration, random = int(own.cost.durations[0]), np.random.default_rng(2)
-    step = np.where(own.place >= 0, random.normal(scale=1e-2, size=x.size), 0.0)
+    step = np.where(own.place >= 0, random.normal(scale=1e-2, size=at.x.size), 0.0)
     for longer in (-0.1, 0.2):
         step[duration] = longer
-        after = own.torque_rows.at(x + step)
-        for sides, then in zip(own.sides(x, at.jacobian), own.sides(x + step, after.jacobian), strict=True):
-            jacobians, top, which = sides.below(x)
+        after = own.at(at.x + step)
+        for sides, then in zip(at.sides, after.sides, strict=True):
+            jacobians, top, which = sides.below(at.x)
             kept = np.concatenate([jacobian @ step for jacobian in jacobians]) <= top
             true = np.concatenate([then.values <= then.bounds[1], then.values >= then.bounds[0]])
             assert np.all(true[kept])
