@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any
 
-from armdyn.arguments import one_of, shown, whole
+from armdyn.arguments import one_of, shown
 from armdyn.errors import ArmdynError, FileError, ProblemError, did_you_mean
 from armdyn.files import read_bounded
 
@@ -155,15 +155,6 @@ class Table:
             if not isinstance(value, str):
                 raise ProblemError(f"{self.called(key)} is {shown(value)}; it must be text")
         return value
-
-    def whole(self, key: str, default: int, least: int) -> int:
-        """A whole number.
-
-        Raises:
-            ProblemError: it is something else.
-        """
-        with self.at(key):
-            return whole(self.values.get(key, default), self.called(key), least)
 
 
 def read_toml(path: str | os.PathLike[str]) -> Table:

@@ -16,7 +16,7 @@ from armdyn.parsing.toml import Table, read_toml
 from armdyn.studies.problems import ARM, POSES, ArmProblems, StudyArm, with_scene, without_files
 from armdyn.studies.rows import Value
 from armdyn.studies.settings import check_setting
-from armdyn.studies.study import MAX_AXES, METHODS, Axis, Study
+from armdyn.studies.study import MAX_AXES, Axis, Study
 from armdyn.studies.tasks.cycle import CycleTask
 from armdyn.studies.tasks.registry import TASKS, section_of
 from armdyn.studies.tasks.task import StudyTask
@@ -83,10 +83,8 @@ def _study(table: Table, task: StudyTask, axes: Sequence[Axis]) -> Study:
     """The study of a task along axes, with the table [sample] of its file."""
     sample = table.table("sample")
     sample.only(("method", "count", "seed"))
-    method: Any = sample.text("method", "grid", METHODS)
-    count, seed = (sample.whole(name, 0, least=0) for name in ("count", "seed"))
     try:
-        return Study(task=task, axes=tuple(axes), method=method, count=count, seed=seed)
+        return Study(task=task, axes=tuple(axes), **sample.values)
     except ProblemError as error:
         of_an_axis = any(str(error).startswith(f"{axis.name} ") for axis in axes)
         raise table.table("vary" if of_an_axis or not sample.values else "sample").about(error) from None

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from armdyn.arguments import whole
 from armdyn.errors import FileError, ProblemError
 from armdyn.parsing.toml import MAX_BYTES, read_toml, to_toml
 
@@ -29,8 +30,11 @@ def test_a_complaint_says_the_line(toml):
     assert "line 6: " in str(inner.error("e.f", ""))
     assert "line 7: " in str(inner.table("g").error("h", ""))
     assert "line 4: " in str(inner.error("not there", ""))  # the table that it would be in
-    with pytest.raises(ProblemError, match=r"line 5: b\.c\.d is 'x'; it must be a whole number of at least 1"):
-        inner.whole("d", 1, least=1)
+    with (
+        pytest.raises(ProblemError, match=r"line 5: b\.c\.d is 'x'; it must be a whole number of at least 1"),
+        inner.at("d"),
+    ):
+        whole(inner.values["d"], inner.called("d"), least=1)
     with pytest.raises(ProblemError, match=r"line 2: a is 1; it must be a table, \[a\]"):
         table.table("a")
     with pytest.raises(ProblemError, match=r"line 5: no key 'd' in \[b\.c\]; known: e\.f, g$"):
