@@ -7,6 +7,7 @@ today, and the results equal those of one point alone.
 import re
 from collections.abc import Iterable
 from contextlib import suppress
+from importlib.resources import files
 from pathlib import Path
 
 import casadi as ca
@@ -36,29 +37,6 @@ _WRITTEN = {
 _LIBRARY = ("sin", "cos", "tan", "tanh", "sqrt", "exp", "log", "fabs")
 """Functions of the C library, which take one number at a time."""
 _CALLED = {getattr(ca, f"OP_{name.upper()}"): name for name in _LIBRARY}
-_TURNS = """typedef long long W __attribute__((vector_size(LANES * sizeof(double))));
-
-/* Sine of x after `quarter` quarter turns: x = n pi / 2 + r with |r| <= pi / 4, and the polynomials of fdlibm in r
-   (k_sin.c, k_cos.c; its pi / 2 in parts, so that n times the first is exact): within an ulp of 1. */
-static inline __attribute__((always_inline)) V turned(V x, int quarter) {
-    for (int i = 0; i < LANES; i++)
-        if (!(fabs(x[i]) < 1e5)) return quarter ? cos_each(x) : sin_each(x);
-    const V magic = broadcast(0x1.8p52);
-    V t = x * 0x1.45f306dc9c883p-1 + magic, n = t - magic;
-    V r = x - n * 0x1.921fb544p+0 - n * 0x1.0b4611a626331p-34, z = r * r;
-    V sine = r + z * r * (-0x1.5555555555549p-3 + z * (0x1.111111110f8a6p-7 + z * (-0x1.a01a019c161d5p-13
-             + z * (0x1.71de357b1fe7dp-19 + z * (-0x1.ae5e68a2b9cebp-26 + z * 0x1.5d93a5acfd57cp-33)))));
-    V half = 0.5 * z, w = 1.0 - half;
-    V cosine = w + ((1.0 - w - half) + z * z * (0x1.555555555554cp-5 + z * (-0x1.6c16c16c15177p-10
-               + z * (0x1.a01a019cb159p-16 + z * (-0x1.27e4f809c52adp-22 + z * (0x1.1ee9ebdb4b1c4p-29
-               - z * 0x1.8fae9be8838d4p-37))))));
-    W turns = (W)t + quarter, odd = -(turns & 1), sign = (turns & 2) << 62;
-    return (V)(((odd & (W)cosine) | (~odd & (W)sine)) ^ sign);
-}
-#define sin_v(x) turned(x, 0)
-#define cos_v(x) turned(x, 1)
-"""
-"""Sine and cosine of all places at once: a seventh of the time of a solve, place by place."""
 
 
 class UnwrittenError(Exception):
@@ -67,17 +45,8 @@ class UnwrittenError(Exception):
 
 def prelude() -> str:
     """C preamble of the functions of `in_lanes`: the vector type and functions on it."""
-    lines = [
-        *(['#pragma GCC target("avx2")'] if _AVX2 else []),  # without fused products: the same numbers everywhere
-        "#include <math.h>",
-        f"enum {{ LANES = {LANES} }};",
-        f"typedef double V __attribute__((vector_size({LANES} * sizeof(double))));",
-        "static inline V broadcast(double x) { return x - (V){0}; }",
-    ]
-    for name in _LIBRARY:
-        body = f"for (int i = 0; i < LANES; i++) x[i] = {name}(x[i]); return x;"
-        lines.append(f"static inline V {name}_{'each' if name in ('sin', 'cos') else 'v'}(V x) {{ {body} }}")
-    return "\n".join(lines) + "\n" + _TURNS
+    target = '#pragma GCC target("avx2")\n' if _AVX2 else ""  # without fused products: the same numbers everywhere
+    return f"{target}enum {{ LANES = {LANES} }};\n" + files(__package__).joinpath("lanes.c").read_text()
 
 
 def in_lanes(function: ca.Function) -> str:

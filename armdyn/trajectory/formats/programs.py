@@ -171,14 +171,11 @@ class UrScript(Stream):
         for event in late:
             events.setdefault(event.row, []).extend(self._event_lines(event))
         tail = f"0, 0, {1 / rate:g}, {self.lookahead:g}, {self.gain:g})"
-        lines = [
-            f"# Motion of {samples.t[-1]:.6f} s at {rate:g} Hz for a UR arm, written by armdyn.",
-            f"# Name: {json.dumps(samples.name[:80])}. Joints, base to wrist: {json.dumps(samples.joint_names)}.",
-            "# It was planned on a model. Try it in URSim or at reduced speed first, an emergency stop at hand.",
-            "# Send it to port 30002, or load it in a Script node and call armdyn_motion().",
-            f"# First the arm moves slowly to {rows[0]}: that way is not planned, look at it.",
-            "def armdyn_motion():",
-        ]
+        name, joints = json.dumps(samples.name[:80]), json.dumps(samples.joint_names)
+        head = program("urscript_head").format(
+            duration=samples.t[-1], rate=rate, name=name, joints=joints, start=rows[0]
+        )
+        lines = [head.rstrip()]
         if load is not None:
             lines.append(f"  set_target_payload({_number(load[0])}, {_vector(load[1])})")
         lines += [*self._functions(late), *events.get(-1, [])]

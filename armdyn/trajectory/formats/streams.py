@@ -147,23 +147,13 @@ def python_program(
         samples: the motion.
         constants: value and remark of each constant, by name.
     """
-    lines = [
-        f'"""Motion of {samples.t[-1]:.6f} s for {arm}, written by armdyn.',
-        "",
-        f"    pip install {package}",
-        "    python THIS_FILE ROBOT_IP             # refuses unless the arm stands at the start",
-        "    python THIS_FILE ROBOT_IP --to-start  # moves there slowly first: that way is not planned",
-        "",
-        "It was planned on a model. Try it in simulation or at reduced speed first, an emergency stop at hand.",
-        '"""',
-        "",
-        "import argparse",
-        "",
-        f"NAME = {samples.name!a}",
-        f"JOINTS = {list(samples.joint_names)!a}",
-        *(f"{name} = {value!a}  # {remark}" for name, (value, remark) in constants.items()),
-        "Q = [  # joint positions [rad], one row per tick",
-        *(f"    {row}," for row in samples.q.tolist()),
-        "]",
-    ]
-    return "\n\n\n".join(["\n".join(lines), program("python_start").rstrip(), program(name)])
+    head = program("python_head").format(
+        duration=samples.t[-1],
+        arm=arm,
+        package=package,
+        name=samples.name,
+        joints=list(samples.joint_names),
+        constants="\n".join(f"{key} = {value!a}  # {remark}" for key, (value, remark) in constants.items()),
+        rows="\n".join(f"    {row}," for row in samples.q.tolist()),
+    )
+    return "\n\n\n".join([head.rstrip(), program("python_start").rstrip(), program(name)])
