@@ -40,6 +40,11 @@ UNDRAWN = """for (const kind of [WebGLRenderingContext, WebGL2RenderingContext])
 """Leaves the scene's canvas blank: without a graphics card a frame takes up to a second. A frame that is not
 even cleared is not composed."""
 
+FEW_FRAMES = """const draw = requestAnimationFrame;
+window.requestAnimationFrame = (frame) => setTimeout(() => draw(frame), 50);
+window.cancelAnimationFrame = clearTimeout;"""
+"""A page that draws without an end draws at most 20 frames a second: 60 take half a processor."""
+
 
 def find_chromium():
     names = ("chromium", "chromium-browser", "google-chrome", "chrome")

@@ -19,9 +19,11 @@ import armdyn as ad
 from armdyn.models.scene.reaching import frame_placement
 from armdyn.show.page.scene import reach_of
 from armdyn.show.studio.page import Page
+from armdyn.show.studio.session import restored
 from cli.command import COMMAND, run_here
 from problems import POSES, paper_arm
-from show.browser import UNDRAWN, drag, pixel_of, wait_until
+from show.browser import FEW_FRAMES, UNDRAWN, drag, pixel_of, wait_until
+from show.studio.test_session import session_of, setup_of
 
 pytestmark = pytest.mark.slow
 
@@ -79,7 +81,7 @@ def browser(chromium):
     def opened(url, size=DESKTOP):
         context = chromium.new_context(viewport=size)
         contexts.append(context)
-        context.add_init_script(UNDRAWN)
+        context.add_init_script(UNDRAWN + FEW_FRAMES)
         context.set_default_timeout(90_000)  # [ms]: machines that run all tests at once are slow
         page = context.new_page()
         page.on("request", lambda request: requests.append((url, request.url)))
@@ -142,14 +144,32 @@ def plain_duration(q_goal, **arguments):
     return ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick")).duration
 
 
-def test_the_keyboard_the_mouse_and_two_browsers(chromium, tmp_path):
-    """Of one studio: to start it, and to open a page, takes seconds."""
-    with served(tmp_path) as (_, said), browser(chromium) as opened:
-        desktop = opened(said["url"])
-        the_gizmo_is_dragged_by_the_mouse(desktop)
-        both_show_the_same(desktop, phone := opened(said["url"], PHONE))
-        phone.close()
-        a_motion_follows_the_keyboard(desktop)
+def test_a_fresh_studio_with_two_browsers(chromium, tmp_path):
+    """One studio shows all of this: to start it, and to open a page, takes seconds."""
+    leave_a_state(tmp_path)
+    with socket.create_server(("127.0.0.1", 0)) as taken, browser(chromium) as opened:
+        port = taken.getsockname()[1]
+        with served(tmp_path, "--fresh", "--q-goal", "0.4,0.3", "--port", port) as (process, said):
+            assert said["restored"] is False
+            assert said["port"] > port
+            pages_of_others_cannot_talk_to_it(said["port"])
+            desktop = opened(said["url"])
+            until_goal(desktop, [0.4, 0.3])
+            the_gizmo_is_dragged_by_the_mouse(desktop)
+            both_show_the_same(desktop, phone := opened(said["url"], PHONE))
+            phone.close()
+            a_motion_follows_the_keyboard(desktop)
+            obstacles_load_and_files(desktop, tmp_path)
+            desktop.close()
+            ctrl_c_ends_it_and_no_process_is_left(process)
+
+
+def leave_a_state(folder):
+    """A session that another studio would take up."""
+    setup = setup_of()
+    with session_of(setup, folder) as session:
+        session.change(goal=(0.7, 0.1))
+    assert restored(setup, folder).goal == (0.7, 0.1)
 
 
 def a_motion_follows_the_keyboard(page):
@@ -203,33 +223,34 @@ def both_show_the_same(desktop, phone):
     assert phone.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
 
 
-def test_obstacles_load_and_files(chromium, tmp_path):
-    with served(tmp_path, "--q-goal", "0.4,0.3") as (_, said), browser(chromium) as opened:
-        page = opened(said["url"])
-        page.get_by_role("tab", name="Obstacles").click()
-        page.get_by_role("button", name="Add obstacle").focus()
-        page.keyboard.press("Enter")
-        fields(page, "position").first.wait_for()
-        for field, value in zip(fields(page, "position").all(), ("0.1", "0", "0.9"), strict=True):
-            field.fill(value)
-        page.get_by_role("tab", name="Limits").click()
-        fields(page, "payload").fill("0.3")
-        page.wait_for_timeout(500)
-        assert duration(page) > 0
-        page.get_by_role("button", name="Problem (TOML)").click()
-        page.get_by_text("Saved:").wait_for()
-        saved = ad.read_problem(tmp_path / "problem.toml")
-        assert saved.robot.payload.mass == pytest.approx(0.3)
-        (box,) = saved.obstacles
-        np.testing.assert_allclose(np.array(box.placement)[:3, 3], [0.1, 0, 0.9])
-        page.get_by_role("button", name="Report (HTML)").click()
-        page.get_by_text("report.html").wait_for(timeout=60_000)
-        page.get_by_role("button", name="Motion (npz)").click()
-        page.get_by_text("trajectory.npz").wait_for()
-        assert ad.Trajectory.load(tmp_path / "trajectory.npz").duration == pytest.approx(duration(page), abs=1e-4)
-        page.get_by_role("tab", name="Obstacles").click()
-        page.get_by_role("button", name="Remove obstacle").click()
-        page.get_by_role("button", name="Remove obstacle").wait_for(state="detached")
+def obstacles_load_and_files(page, folder):
+    page.get_by_role("tab", name="Goal").click()
+    wanted = goal(page)
+    page.get_by_role("tab", name="Obstacles").click()
+    page.get_by_role("button", name="Add obstacle").focus()
+    page.keyboard.press("Enter")
+    fields(page, "position").first.wait_for()
+    for field, value in zip(fields(page, "position").all(), ("0.1", "0", "0.9"), strict=True):
+        field.fill(value)
+    page.get_by_role("tab", name="Limits").click()
+    fields(page, "payload").fill("0.3")
+    page.wait_for_timeout(500)
+    assert duration(page) > 0
+    page.get_by_role("button", name="Problem (TOML)").click()
+    page.get_by_text("Saved:").wait_for()
+    saved = ad.read_problem(folder / "problem.toml")
+    assert saved.robot.payload.mass == pytest.approx(0.3)
+    np.testing.assert_allclose(saved.q_goal, wanted, atol=1e-3)  # a slider's step
+    (box,) = saved.obstacles
+    np.testing.assert_allclose(np.array(box.placement)[:3, 3], [0.1, 0, 0.9])
+    page.get_by_role("button", name="Report (HTML)").click()
+    page.get_by_text("report.html").wait_for(timeout=60_000)
+    page.get_by_role("button", name="Motion (npz)").click()
+    page.get_by_text("trajectory.npz").wait_for()
+    assert ad.Trajectory.load(folder / "trajectory.npz").duration == pytest.approx(duration(page), abs=1e-4)
+    page.get_by_role("tab", name="Obstacles").click()
+    page.get_by_role("button", name="Remove obstacle").click()
+    page.get_by_role("button", name="Remove obstacle").wait_for(state="detached")
 
 
 def test_fields_filled_faster_than_frames_are_drawn_keep_their_values(chromium, tmp_path):
@@ -280,18 +301,6 @@ def test_a_motion_appears_and_a_killed_studio_takes_up_its_last_state(chromium, 
         assert said["restored"] is True
         until_goal(opened(said["url"]), [0.7, POSES["rr"][1][1]])
         assert json.loads((tmp_path / "studio.json").read_text())["state"]["goal"] == [0.7, POSES["rr"][1][1]]
-    another_that_is_fresh_takes_the_next_port(tmp_path)
-
-
-def another_that_is_fresh_takes_the_next_port(folder):
-    """It takes up no state, refuses pages of others, and in the end no process is left."""
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = taken.getsockname()[1]
-        with served(folder, "--fresh", "--port", port) as (process, said):
-            assert said["restored"] is False
-            assert said["port"] > port
-            pages_of_others_cannot_talk_to_it(said["port"])
-            ctrl_c_ends_it_and_no_process_is_left(process)
 
 
 def ctrl_c_ends_it_and_no_process_is_left(process):
