@@ -150,23 +150,37 @@ def _slowest(rests: Rests, loop: Loop, low: float, high: float) -> float | None:
             return False
 
     _radius(rests, loop)  # refuses arguments that fit at no rate
-    count = int(np.ceil(_PER_DECADE * np.log10(high / low))) + 1
+    return least_stable(stable, low, high, _PER_DECADE, _EXACT)
+
+
+def least_stable(
+    stable: Callable[[float], bool], low: float, high: float, per_decade: int, exact: float
+) -> float | None:
+    """Least number above which all of a scan are stable, found by bisection of its logarithm.
+
+    Args:
+        stable: whether a number is stable.
+        low: the least of the scan; the result if all are stable.
+        high: the greatest of the scan.
+        per_decade: numbers of the scan per decade.
+        exact: relative precision.
+
+    Returns:
+        The number, on the stable side; None if the greatest is not stable.
+    """
     above = high
-    if not stable(high):
+    for below in np.geomspace(high, low, int(np.ceil(per_decade * np.log10(high / low))) + 1).tolist():
+        if not stable(below):
+            break
+        above = below
+    else:
+        return low
+    if below == high:
         return None
-    for rate in np.geomspace(high, low, count)[1:].tolist():
-        if not stable(rate):
-            return _boundary(stable, rate, above)
-        above = rate
-    return low
-
-
-def _boundary(stable: Callable[[float], bool], low: float, high: float) -> float:
-    """Between an unstable rate and a stable one [Hz], the stable side of the boundary."""
-    while high > low * (1 + _EXACT):
-        middle = float(np.sqrt(low * high))
-        low, high = (low, middle) if stable(middle) else (middle, high)
-    return high
+    while above > below * (1 + exact):
+        middle = float(np.sqrt(below * above))
+        below, above = (below, middle) if stable(middle) else (middle, above)
+    return above
 
 
 def _rests(robot: Robot, q_goal: ArrayLike, controller: Controller, plant: Robot | None) -> Rests:

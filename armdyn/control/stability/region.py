@@ -13,6 +13,7 @@ from armdyn.arrays import Array, Flags
 from armdyn.control.laws.pid import DEFAULT_GAINS, FORMS, Form, Pid, PidGains
 from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.stability.linear import Rest, closed_loop_matrix, eigenvalues, plant_at_goal
+from armdyn.control.stability.rate import least_stable
 from armdyn.control.stability.sampled import SampledLoop
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
@@ -115,27 +116,16 @@ def least_stable_factor(
     Raises:
         ProblemError: the goal or the gains do not fit the robot; unknown form; factors not positive, or out of order.
     """
-    from scipy.optimize import brentq
-
     goal = pose_given(expect_robot(robot), q_goal, "q_goal")
     low, high = interval(factors, "factors", sign="positive")
     one_of(form, FORMS, "form")
     kp, ki, kd = expect(gains, PidGains, "gains", "PidGains(kp=…, ki=…, kd=…)").per_joint(robot.nv)
     plant = plant_at_goal(robot, goal, form)
 
-    def growth(log_factor: float) -> float:
-        factor = float(np.exp(log_factor))
-        return float(eigenvalues(closed_loop_matrix(plant, factor * kp, factor * ki, factor * kd))[0].real)
+    def stable(factor: float) -> bool:
+        return bool(eigenvalues(closed_loop_matrix(plant, factor * kp, factor * ki, factor * kd))[0].real < 0)
 
-    count = int(np.ceil(_PER_DECADE * np.log10(high / low))) + 1
-    scan = np.linspace(np.log(low), np.log(high), count)
-    unstable = [k for k, x in enumerate(scan) if growth(x) >= 0]
-    if not unstable:
-        return low
-    if unstable[-1] == count - 1:
-        return None
-    last = unstable[-1]
-    return float(np.exp(brentq(growth, scan[last], scan[last + 1], xtol=_EXACT)))
+    return least_stable(stable, low, high, _PER_DECADE, _EXACT)
 
 
 @brief
