@@ -164,16 +164,6 @@ class Layout:
         """Split an interval's unknowns into its first knot's, its own, and its last knot's."""
         return y[: self.knot.size], y[self.knot.size : self.block], y[self.block : self.width]
 
-    def split(self, x: Array) -> tuple[Array, Array]:
-        """Split all unknowns into knot blocks, shape (N + 1, knot), and inner blocks, shape (N, inner)."""
-        blocks = x[: -self.knot.size].reshape(-1, self.block)
-        knots = np.vstack([blocks[:, : self.knot.size], x[-self.knot.size :]])
-        return knots, blocks[:, self.knot.size :]
-
-    def joined(self, knots: Array, inner: Array) -> Array:
-        """Join all unknowns from their blocks: the inverse of `split`."""
-        return np.concatenate([np.concatenate([knots[:-1], inner], axis=1).ravel(), knots[-1]])
-
     def intervals(self, N: int) -> Index:
         """Indices of each interval's unknowns, a column each, shape (width, N)."""
         return self.block * np.arange(N)[None, :] + np.arange(self.width)[:, None]

@@ -102,7 +102,9 @@ def to_unknowns(guess: Trajectory, layout: Layout, fractions: Array, scales: Sca
         after = np.minimum(stage_times + step, guess.t[-1])
         a = (guess(after).v - guess(before).v) / (after - before)[..., None]
         inner.append((a * scales.time / scales.speed).reshape(N, -1))
-    return layout.joined(np.concatenate(knot, axis=1), np.concatenate(inner, axis=1))
+    x = np.empty(layout.size(N))
+    x[layout.knots(N)], x[layout.inners(N)] = np.concatenate(knot, axis=1), np.concatenate(inner, axis=1)
+    return x
 
 
 def to_trajectory(
@@ -124,8 +126,8 @@ def to_trajectory(
         legs: number of intervals per leg; by default one leg.
     """
     N, tableau = fractions.size, layout.scheme.tableau
-    knots, _ = layout.split(x)
-    states, between, torques = knots[:, layout.knot.state], x[layout.inner_states(N)], x[layout.torques(N)]
+    knots, between, torques = x[layout.knots(N)], x[layout.inner_states(N)], x[layout.torques(N)]
+    states = knots[:, layout.knot.state]
     times, first = np.zeros(N + 1), 0
     for length in legs or (N,):
         last = first + length

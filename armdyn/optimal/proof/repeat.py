@@ -5,7 +5,7 @@ integrators then disagree on the end state, and a replay that lands only shows t
 same integrator. Reproducible are the segments between samples, and a replay under feedback.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -65,36 +65,25 @@ def repeated(problem: MinimumTimeProblem, motion: Trajectory, certificate: Certi
     followed = under_feedback(robot, problem.limits, motion, segments)
     if followed is None:
         return replace(judged, goal_error=np.inf, goal_velocity_error=np.inf, remark=_LEFT)
-    exceeded = worst_violation(robot, problem.limits, followed.motion)
+    replay, correction = followed
+    exceeded = worst_violation(robot, problem.limits, replay)
     if exceeded is None or exceeded.value <= certificate.limit_violation:
         exceeded = certificate.exceeded
-    missed = np.abs(problem.goal_error_of(followed.motion)) + ACCURACY
+    missed = np.abs(problem.goal_error_of(replay)) + ACCURACY
     return replace(
         judged,
         goal_error=float(np.max(missed[:n])),
         goal_velocity_error=float(np.max(missed[n:])),
         limit_violation=exceeded.value if exceeded else certificate.limit_violation,
         exceeded=exceeded,
-        correction=float(np.max(followed.correction)),
-        correction_share=float(np.max(followed.correction / problem.limits.actuators.scale)),
+        correction=float(np.max(correction)),
+        correction_share=float(np.max(correction / problem.limits.actuators.scale)),
     )
 
 
-@dataclass(frozen=True, eq=False)
-class FeedbackReplay:
-    """Replay of a motion under feedback.
-
-    Attributes:
-        motion: states and torques, corrections included, at the ticks. Each torque is that at the start of its tick.
-        correction: largest torque that feedback adds to each joint [N m or N], shape (nv,), for the deviations and for
-            further ones by `ACCURACY`.
-    """
-
-    motion: Trajectory
-    correction: Array
-
-
-def under_feedback(robot: Robot, limits: JointLimits, motion: Trajectory, segments: Segments) -> FeedbackReplay | None:
+def under_feedback(
+    robot: Robot, limits: JointLimits, motion: Trajectory, segments: Segments
+) -> tuple[Trajectory, Array] | None:
     """Replay a motion under computed torque, which is held from tick to tick.
 
     tau = tau_k(t) − M(q_k) (2 ω (v − v_k) + ω² (q − q_k)) within the torque limits; q_k and v_k are the motion's own
@@ -109,7 +98,10 @@ def under_feedback(robot: Robot, limits: JointLimits, motion: Trajectory, segmen
         segments: of the motion.
 
     Returns:
-        None if the replay leaves the motion, because of saturated torques or a large defect of a segment.
+        The replay: states and torques, corrections included, at the ticks, each torque that at the start of its tick;
+        and the largest torque that feedback adds to each joint [N m or N], shape (nv,), for the deviations and for
+        further ones by `ACCURACY`. None if the replay leaves the motion, because of saturated torques or a large defect
+        of a segment.
     """
     try:
         ticks = ticked(robot, motion, FEEDBACK_TICK)
@@ -132,4 +124,4 @@ def under_feedback(robot: Robot, limits: JointLimits, motion: Trajectory, segmen
     unseen = ACCURACY * np.sum(np.abs(gains), axis=2)
     largest = np.max(np.abs(correction[:-1]) + unseen, axis=0)
     x = np.concatenate([ticks.q, ticks.v], axis=1) + delta
-    return FeedbackReplay(replace(ticks, q=x[:, :n], v=x[:, n:], tau=ticks.tau + correction), largest)
+    return replace(ticks, q=x[:, :n], v=x[:, n:], tau=ticks.tau + correction), largest

@@ -82,7 +82,7 @@ def test_a_guess_is_within_the_bounds_and_its_ends_are_fixed(scheme):
     x = to_unknowns(guess, layout, np.full(N, 1 / N), scales)
     # Start and goal are divided by a scale once and multiplied once.
     assert np.all(lower - 1e-12 <= x) and np.all(x <= upper + 1e-12)
-    knots_lower, knots_upper = (layout.split(side)[0] for side in (lower, upper))
+    knots_lower, knots_upper = (side[layout.knots(N)] for side in (lower, upper))
     for k, (q, v) in ((0, (problem.q_start, problem.v_start)), (-1, (problem.q_goal, problem.v_goal))):
         state = np.concatenate([np.asarray(q) / scales.length, np.asarray(v) / scales.speed])
         np.testing.assert_allclose(knots_lower[k, :4], state, rtol=1e-14)
