@@ -24,7 +24,6 @@ from armdyn.optimal.bound.lower_bound import least_duration
 from armdyn.optimal.minimum_time import solve_task
 from armdyn.optimal.problem.status import Status, Stop, stopping
 from armdyn.optimal.task.options import MinimumTimeOptions
-from armdyn.optimal.task.policy.bound import BoundPolicy
 from armdyn.optimal.task.policy.search import CyclePolicy
 from armdyn.optimal.task.task import Task
 from armdyn.parallel import in_processes
@@ -68,7 +67,7 @@ def solve_cycle(
             answer = _with_turns(answer, options, stop, report)
         if options.bound:
             stop.deadline = max(stop.deadline, time.perf_counter() + CyclePolicy().bound_part * options.time_limit)
-            programs = options.bound_programs or BoundPolicy().chain_programs
+            programs = options.bound_programs or CyclePolicy().bound_programs
             effort = Effort(programs, stop.__bool__, options.workers, report)
             answer = replace(answer, lower_bound=_lower_bound(graph, answer, effort))
     if stop.interrupted:
@@ -186,8 +185,7 @@ def _lower_bound(graph: CycleGraph, found: CycleSolution, effort: Effort) -> flo
         duration = order_bound(graph, moves, effort)
     else:
         problems = [leg.solution.problem for leg in found.legs]
-        bound = chain_bound(problems, [place.target for place in cycle.stops], moves, effort)
-        duration = 0.0 if bound is None else bound.duration
+        duration = chain_bound(problems, [place.target for place in cycle.stops], moves, effort)
     return duration + cycle.dwell if duration > 0 else None
 
 

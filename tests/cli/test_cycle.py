@@ -14,7 +14,7 @@ import pytest
 import armdyn as ad
 from armdyn.cli.motion.cycle import rate_of
 from armdyn.errors import ProblemError
-from armdyn.optimal.task.policy.bound import BoundPolicy
+from armdyn.optimal.task.policy.search import CyclePolicy
 from armdyn.parallel import core_count
 from armdyn.trajectory.formats import FORMATS
 from cli.command import COMMAND, answer, run, run_here, run_json
@@ -48,7 +48,7 @@ def test_json_says_each_step_with_its_share_and_remedy(solved):
 
 def test_help_names_the_number_of_programs_that_is_the_default():
     words = " ".join(run_here("cycle", "--help").stdout.replace("│", " ").split())
-    assert f"By default {BoundPolicy().chain_programs}." in words
+    assert f"By default {CyclePolicy().bound_programs}." in words
 
 
 def test_files_are_the_motion_with_its_payloads_its_formats_and_the_table(solved):

@@ -41,11 +41,6 @@ class Region:
     goals: GoalSet | None = None
     turned: tuple[int, Array] | None = None
 
-    @classmethod
-    def point(cls, q: Array) -> Region:
-        """Set that contains one joint position, shape (nv,)."""
-        return cls(Interval.at(q)[None])
-
     @property
     def hull(self) -> Interval:
         """Box that encloses the region, each end of shape (nv,)."""

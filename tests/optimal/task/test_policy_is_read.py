@@ -16,6 +16,7 @@ import armdyn as ad
 from armdyn.models.scene.reaching import frame_placement
 from armdyn.optimal.arcs.arc import Mode
 from armdyn.optimal.bound.chain import chain_bound
+from armdyn.optimal.bound.effort import Effort
 from armdyn.optimal.bound.lower_bound import lower_bound
 from armdyn.optimal.live import resolver as live
 from armdyn.optimal.minimum_time import solve_task
@@ -222,8 +223,7 @@ def bound_of_a_chain():
     """To any joint positions of a pose, and back, slower than it could be: so that there is something to improve."""
     problem = between("rr", velocity_limit=10.0)
     stops = [POSES["rr"][0], ad.GoalPose("tip", [0.35, 0, 0.1]), POSES["rr"][0]]
-    for upper in (None, 1.0):
-        chain_bound([problem, problem], stops, upper, policy=Noted.of(problem).bound)
+    chain_bound([problem, problem], stops, 1.0, Effort(600), Noted.of(problem).bound)
 
 
 def bound_of_a_line():
@@ -240,7 +240,7 @@ def bound_of_a_line():
     problem = ad.MinimumTimeProblem(robot, q_start=q, q_goal=goal, via=passed, path_constraints=lines)
     wide = [replace(one, tolerance=(0.01,) * 6) for one in passed]
     for one in (problem, ad.MinimumTimeProblem(robot, q_start=q, q_goal=goal, via=wide)):
-        chain_bound([one], [q, goal], 0.4, policy=Noted.of(one).bound)
+        chain_bound([one], [q, goal], 0.4, Effort(600), Noted.of(one).bound)
 
 
 def goals_as_coarse_curves():

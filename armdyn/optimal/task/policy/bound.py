@@ -49,16 +49,9 @@ class BoundPolicy:
         (0.05, 0.01, 0.002), "m or rad", "of boxes checked by velocity limits in turn: 1e-3 of a way at last", POSES
     )
     size: float = tuned(0.02, "m or rad", "of boxes checked by momentum, before touching ones are joined", POSES)
-    chain_programs: int = tuned(
-        600,
-        "linear programs",
-        "of a chain's bound: 10 s of a Panda's on two cores, whose bound still rises then; a UR5's takes 450 at most",
-        "25/300/25 mm: UR5, Panda",
-    )
     at_once: int = tuned(8, "bounds", "between boxes of consecutive stops, improved together, on as many cores", POSES)
     cover: tuple[float, ...] = tuned((1.0, 0.3, 0.2), "m or rad", "of boxes of a chain's stops, pruned in turn", POSES)
     narrow: float = tuned(0.05, "rad or m", "half width of boxes that are checked by momentum first", POSES)
-    sampled_grids: int = tuned(3, "grids", "at most for a sampled chain, whose bound is only an estimate", POSES)
     wide_passes: int = tuned(2, "passes", "between boxes that are bisected later: more gain little", POSES)
     wide_cells: tuple[float, float] = tuned(
         (0.01, 0.1), "of a side", "first and last cells between such boxes: 0.7 % less in a third of the time", POSES

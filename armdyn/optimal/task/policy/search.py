@@ -258,3 +258,9 @@ class CyclePolicy:
     bound_part: float = tuned(
         0.1, "of the time limit", "for the bound of the whole cycle, where the search has used it up"
     )
+    bound_programs: int = tuned(
+        600,
+        "linear programs",
+        "of that bound: 10 s of a Panda's on two cores, whose bound still rises then; a UR5's takes 450 at most",
+        "25/300/25 mm: UR5, Panda",
+    )
