@@ -80,7 +80,8 @@ def _kinematic(goals: GoalSet, near: float, stop: StopCondition) -> float:
 def _before(goals: GoalSet, leg: BoundLeg, known: tuple[float, int], stop: StopCondition) -> tuple[float, int]:
     """Bound by boxes of all goals reachable in the set's time, at most that time, and the deciding joint.
 
-    The region with the least bound is improved first: by momentum, and then by bisection.
+    The region with the least bound is improved first: by momentum, and then by bisection. Goals outside the regions
+    take that time, however long those inside take.
     """
     whole, longest = goals.whole, goals.within.duration
     if whole is None:
@@ -99,7 +100,7 @@ def _before(goals: GoalSet, leg: BoundLeg, known: tuple[float, int], stop: StopC
             continue
         regions[0] = (leg_bound(replace(leg, goal=least.end(leg.goal.v)), stop, bound[0]), least, True)
         tries += 1
-    return min([bound for bound, _, _ in regions], default=(longest, known[1]))
+    return min([(longest, known[1]), *(bound for bound, _, _ in regions)])
 
 
 _ROUNDED = 1e-12

@@ -8,6 +8,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.models.scene.reaching import frame_placement
 from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.effort import Effort
 from armdyn.optimal.bound.goal_set import GoalSet, Within, clusters
@@ -142,6 +143,15 @@ def test_the_bound_of_a_goal_pose_holds_for_all_joint_positions_that_reach_it():
     assert found.kinematic <= member.kinematic and found.duration <= member.duration
     # It is no trifle either: velocity limits alone ask 0.2189 s of the best of all members.
     assert 0.2 < found.kinematic < 0.21891 and found.kinematic <= found.duration < 0.2451
+
+
+@pytest.mark.slow
+def test_the_bound_holds_where_the_member_that_velocity_limits_reach_first_takes_longest():
+    """Joint 1 has a heavy rotor: the nearer member takes 0.6316 s, another one 0.213871 s (`solve_minimum_time`)."""
+    robot = paper_arm("rr").with_armature([0.5, 0.0]).with_limits(None, [4.0, 5.0])
+    pose = ad.GoalPose(robot.tip, frame_placement(robot, robot.tip, np.array([0.3, 0.5])).translation)
+    found = ad.lower_bound(ad.MinimumTimeProblem(robot, q_start=[0.8, 0.5], goal_pose=pose))
+    assert 0.5 / 4.0 * (1 - 1e-3) < found.kinematic < found.duration < 0.213872
 
 
 @pytest.mark.slow
