@@ -125,7 +125,9 @@ def _in_rounds(
         if (worst <= enough and constraints_mended(task, kept)) or task.stop or not solved.converged:
             break
         task.progress(round_words(k + 1, solved.curve, over))
-        spec = _tighter(task, spec, over, kept)
+        before, spec = spec, _tighter(task, spec, over, kept)
+        if worst <= enough and spec.constraints.path_constraints == before.constraints.path_constraints:
+            break  # no constraint can be tightened further
         # Margins of limits that are not active do not change steps; IPOPT's barrier responds to them.
         solved, last = replace(solved, in_steps=solved.in_steps and worst < last), worst
         again = solve_curve(task, solved.curve, spec, solved)

@@ -76,11 +76,11 @@ def _at_pace(task: Task, optimum: Optimum, path: Trajectory, factor: float) -> O
 def within_constraints(
     task: Task, curve: Curve, replay: Trajectory, constraints: TightenedConstraints
 ) -> tuple[Curve, Trajectory, ConstraintReports]:
-    """Check the path constraints; where Coulomb friction acts, slow the curve down until its replay keeps them.
+    """Check the path constraints, and slow the curve down until its replay keeps them, if it can be.
 
-    Lines between samples miss the bend of the friction's torque, which shakes light joints beyond their jerk limits:
-    such a curve is sampled finer before it is slowed down. `slowed`, which slows down the replay itself, would end off
-    the goal.
+    Lines between samples miss the bend of the torque of Coulomb friction, which shakes light joints beyond their jerk
+    limits: such a curve is sampled finer before it is slowed down. `slowed`, which slows down the replay itself, would
+    end off the goal there, and where the arm is unstable.
 
     Args:
         task: the problem.
@@ -90,9 +90,9 @@ def within_constraints(
     """
     problem = task.problem
     reports = constraints.check(problem, replay, curve.passing)
-    rubs = can_be_slowed(problem) and bool(np.any(np.asarray(problem.robot.friction.coulomb) > 0))
-    finer = task.policy.curves.finer_still
-    for k in range(len(finer) + task.policy.refinement.slowing if rubs else 0):
+    rubs = bool(np.any(np.asarray(problem.robot.friction.coulomb) > 0))
+    finer = task.policy.curves.finer_still if rubs else ()
+    for k in range(len(finer) + task.policy.refinement.slowing if can_be_slowed(problem) else 0):
         if reports.slowing == 1 or not np.isfinite(reports.slowing):
             break
         if k >= len(finer):

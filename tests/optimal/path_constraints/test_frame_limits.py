@@ -64,6 +64,13 @@ def test_two_links_keep_it_everywhere_and_a_lower_one_costs_time():
 
 
 @pytest.mark.slow
+def test_an_unstable_arm_creeps_where_no_mesh_is_fine_enough():
+    """The arm is at full speed after milliseconds, a twentieth of an interval; its replay is not to be slowed down."""
+    solution = between(paper_arm("rr"), [0, 0], [1, -1], ad.FrameSpeedLimit(0.05), starts=1)
+    assert solution.success and fastest(solution, "tip") <= 0.05 * (1 + 1.1e-3)
+
+
+@pytest.mark.slow
 def test_ur5_at_reduced_speed():
     start, goal, robot = [0, -1.2, 1.2], [0.15, -1.25, 1.3], held_ur5()
     once = {"starts": 1, "calm": 0.0, "bound": False, "compile": False}  # less time than to build its machine code
