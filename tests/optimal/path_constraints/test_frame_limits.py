@@ -65,9 +65,14 @@ def test_two_links_keep_it_everywhere_and_a_lower_one_costs_time():
 
 @pytest.mark.slow
 def test_an_unstable_arm_creeps_where_no_mesh_is_fine_enough():
-    """The arm is at full speed after milliseconds, a twentieth of an interval; its replay is not to be slowed down."""
+    """The arm is at full speed within a twentieth of an interval; slowed down as a replay it would miss the goal."""
     solution = between(paper_arm("rr"), [0, 0], [1, -1], ad.FrameSpeedLimit(0.05), starts=1)
-    assert solution.success and fastest(solution, "tip") <= 0.05 * (1 + 1.1e-3)
+    assert solution.success
+    t = np.linspace(0, solution.duration, 20_000)  # no replay: open loop the motion is unstable
+    frame = ad.Dynamics(paper_arm("rr")).frame_placement
+    places = np.array([frame(q, "tip")[1] for q in solution.trajectory(t).q])
+    speed = np.max(np.linalg.norm(np.diff(places, axis=0), axis=1)) / t[1]
+    assert 0.95 * 0.05 < speed <= 0.05 * (1 + 1e-5)
 
 
 @pytest.mark.slow
