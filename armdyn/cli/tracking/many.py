@@ -58,9 +58,8 @@ class ArmsOptions:
             ProblemError: a range is malformed.
         """
         carries = robot.payload is not None and robot.payload.mass > 0
-        usual = (0.8, 1.2) if carries and not likely else (1.0, 1.0)
         return ad.Plants(
-            payload=self.payload_range or usual,
+            payload=self.payload_range or (None if carries else (1.0, 1.0)),
             coulomb=self.friction_range,
             damping=self.damping_range,
             start=self.start_error,

@@ -85,8 +85,7 @@ class StudioState(Checked):
 
     def entry(self) -> dict[str, Any]:
         """The state as JSON values."""
-        own = {one.name: getattr(self, one.name) for one in fields(self)}
-        return own | {"obstacles": [obstacle_entry(one) for one in self.obstacles]}
+        return {**vars(self), "obstacles": [obstacle_entry(one) for one in self.obstacles]}
 
     @classmethod
     def from_entry(cls, entry: object, joints: int) -> Self:
