@@ -48,8 +48,6 @@ def carry_out(command: Callable[[], Answer]) -> NoReturn:
                 answer = command()
                 for each in answer.shown:
                     console.print(each)
-        except typer.Exit:
-            raise
         except (Exception, KeyboardInterrupt) as error:
             if os.environ.get("ARMDYN_DEBUG") and _is_bug(error):
                 raise

@@ -65,8 +65,6 @@ def _panels(params: Iterable[Any]) -> list[tuple[str, list[Any]]]:
     """The parameters by panel, in the panels' order."""
     found: defaultdict[str, list[Any]] = defaultdict(list)
     for param in params:
-        if getattr(param, "hidden", False):
-            continue
         usual = (
             "Arguments" if param.param_type_name == "argument" else OUTPUT if param.name in _IN_OUTPUT else "Options"
         )

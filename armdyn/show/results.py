@@ -9,7 +9,6 @@ import json
 import os
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -98,9 +97,7 @@ def _file_from(folder: Path, source: str) -> str:
     """
     if source_name(source) not in (source, Path(source).name) or not Path(source).is_file():
         return ""
-    with suppress(ValueError):  # another drive
-        return Path(os.path.relpath(Path(source).resolve(), folder.resolve())).as_posix()
-    return ""
+    return Path(os.path.relpath(Path(source).resolve(), folder.resolve())).as_posix()
 
 
 def result_head(robot: Robot) -> dict[str, Any]:

@@ -220,14 +220,12 @@ def sizes_of(obstacle: Obstacle) -> tuple[float, ...] | None:
 
 
 def resized(obstacle: Obstacle, sizes: Sequence[float]) -> Obstacle:
-    """An obstacle with other sizes, as `sizes_of` gives them.
+    """A shape of `SIZES` with other sizes, as `sizes_of` gives them.
 
     Raises:
         ArmdynError: one is not positive.
     """
-    pose = placement_of(obstacle)
-    if pose is None:
-        raise ProblemError(f"obstacle {obstacle.name!r} has no size that can be changed")
+    pose: Any = placement_of(obstacle)
     return primitive(type(obstacle).__name__.lower(), np.asarray(sizes, dtype=float), pose.homogeneous, obstacle.name)
 
 
