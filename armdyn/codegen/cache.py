@@ -1,20 +1,25 @@
-"""Cache folders of machine code that only this user can write.
+"""Cache folders of machine code, and of other slow results, that only this user can write.
 
 Libraries in the cache are loaded and run. A folder is therefore used only if it is this user's, no one else can write
 in it, and no one else can put another in its place: the folders above it belong to this user or to root, and others
 can write in none of them, or not rename files of others (the sticky bit, as of /tmp). Root is trusted.
 """
 
+import hashlib
 import os
 import stat
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import platformdirs
 
-from armdyn.errors import SettingError
+from armdyn.errors import ArmdynError, SettingError
+from armdyn.files import read_sealed, write_sealed
+
+_LARGEST = 2**24
+"""Bytes of a stored result that are read at most."""
 
 
 def cache_directory() -> Path:
@@ -47,6 +52,25 @@ def protected(folder: Path) -> Path:
         if status.st_mode & 0o022 and (last or not status.st_mode & stat.S_ISVTX):
             raise PermissionError(f"others can write in {part}")
     return folder
+
+
+def stored(kind: str, content: bytes, made: Callable[[], bytes]) -> bytes:
+    """A result from the cache folder; else it is made, and stored there if the folder is protected.
+
+    Args:
+        kind: folder of such results.
+        content: all that the result depends on.
+        made: makes it.
+    """
+    try:
+        place = protected(cache_directory() / kind) / hashlib.sha256(content).hexdigest()
+    except (OSError, SettingError):
+        return made()
+    if (found := read_sealed(place, _LARGEST)) is None:
+        found = made()
+        with suppress(OSError, ArmdynError):  # a full disk
+            write_sealed(place, found)
+    return found
 
 
 @contextmanager

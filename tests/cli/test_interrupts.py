@@ -78,7 +78,8 @@ def ends_in_a_line(done):
         ("yourdfpy", ["urdf", "rr"]),
     ],
 )
-def test_within_an_import(module, arguments):
+def test_within_an_import(module, arguments, tmp_path, monkeypatch):
+    monkeypatch.setenv("ARMDYN_CACHE", str(tmp_path))  # which may have the arm of rr
     ends_in_a_line(python(AT_IMPORT.format(module=module, arguments=arguments)))
 
 

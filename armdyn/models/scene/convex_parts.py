@@ -4,9 +4,7 @@ The hull of a mesh's surface on one side of a plane contains the surface there, 
 that the parts contain the mesh by construction. The hulls of V-HACD leave parts of a UR5's surface 18 mm outside.
 """
 
-import hashlib
 import io
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +12,7 @@ import coal
 import numpy as np
 
 from armdyn.arrays import Array, Index
-from armdyn.codegen.cache import cache_directory, protected
-from armdyn.errors import ArmdynError, SettingError
-from armdyn.files import read_sealed, write_sealed
+from armdyn.codegen.cache import stored
 
 Surface = tuple[Array, Index]
 """Vertices [m], shape (m, 3), and the indices of each triangle's, shape (k, 3)."""
@@ -31,8 +27,6 @@ _PLANES = 12
 """Places tried along each axis."""
 _THICKNESS = 1e-4
 """Of a part that is flat [m]: a hull must have a volume."""
-_LARGEST = 2**24
-"""Bytes of stored parts that are read at most."""
 _DIRECTIONS = np.random.default_rng(0).normal(size=(64, 3))
 """The hull of a surface's farthest points in these directions has most of its volume, at a tenth of the time."""
 
@@ -47,18 +41,14 @@ def convex_parts(mesh: Any) -> list[Array]:
     """
     surface: Surface = (np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces, dtype=np.int64))
     content = b"".join((Path(__file__).read_bytes(), *(part.tobytes() for part in surface)))  # other code, other parts
-    try:
-        place = protected(cache_directory() / "convex_parts") / f"{hashlib.sha256(content).hexdigest()}.npz"
-    except (OSError, SettingError):
-        return _cut(mesh, surface)
-    if (stored := read_sealed(place, _LARGEST)) is not None:
-        with np.load(io.BytesIO(stored), allow_pickle=False) as arrays:
-            return [arrays[name] for name in arrays.files]
-    parts, packed = _cut(mesh, surface), io.BytesIO()
-    np.savez(packed, *parts)
-    with suppress(OSError, ArmdynError):  # a full disk
-        write_sealed(place, packed.getvalue())
-    return parts
+
+    def packed() -> bytes:
+        file = io.BytesIO()
+        np.savez(file, *_cut(mesh, surface))
+        return file.getvalue()
+
+    with np.load(io.BytesIO(stored("convex_parts", content, packed)), allow_pickle=False) as arrays:
+        return [arrays[name] for name in arrays.files]
 
 
 def _cut(mesh: Any, whole: Surface) -> list[Array]:

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import re
+import sys
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
 from armdyn.arguments import expect
+from armdyn.codegen.cache import stored
 from armdyn.errors import SpecError
 from armdyn.models.values.spec import ArmSpec, LinkSpec, Payload
 
@@ -54,7 +59,8 @@ def positive_tensor(payload: Payload) -> np.ndarray:
 def urdf_from_spec(spec: ArmSpec, payload: Payload | None = None) -> str:
     """A URDF of a planar arm in the world's x-z plane, its payload on a fixed joint.
 
-    The same input gives the same bytes.
+    The same input gives the same bytes. The first arm of a process may come from the cache folder: yourdfpy, which
+    writes it, takes a quarter of a second to import.
 
     Args:
         spec: the arm.
@@ -69,7 +75,15 @@ def urdf_from_spec(spec: ArmSpec, payload: Payload | None = None) -> str:
     expect(spec, ArmSpec, "spec", 'such as ArmSpec.paper("rr")', error=SpecError)
     if payload is not None:
         expect(payload, Payload, "payload", "Payload(mass=…)", error=SpecError)
-    import yourdfpy as yp  # slow to import (trimesh), and only for writing a URDF
+    if "yourdfpy" in sys.modules:
+        return _written(spec, payload)
+    load = payload and (payload.mass, tuple(payload.com), payload.tensor.tolist(), payload.frame, bool(payload.shapes))
+    content = repr((Path(__file__).read_bytes(), version("yourdfpy"), asdict(spec), load)).encode()
+    return stored("urdf", content, lambda: _written(spec, payload).encode()).decode()
+
+
+def _written(spec: ArmSpec, payload: Payload | None) -> str:
+    import yourdfpy as yp
     from lxml import etree
 
     robot = yp.Robot(name=spec.name)

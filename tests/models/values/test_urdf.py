@@ -46,6 +46,17 @@ def test_same_input_same_text():
     assert urdf_from_spec(spec, Payload(mass=0.1)) == urdf_from_spec(spec, Payload(mass=0.1))
 
 
+def test_the_first_arm_of_a_process_comes_from_the_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("ARMDYN_CACHE", str(tmp_path))
+    spec, payload = ArmSpec.paper("rr"), Payload(mass=0.1)
+    text = urdf_from_spec(spec, payload)
+    for imported in (True, False):
+        monkeypatch.delitem(sys.modules, "yourdfpy", raising=False)
+        assert urdf_from_spec(spec, payload) == text
+        assert ("yourdfpy" in sys.modules) is imported
+    assert urdf_from_spec(spec, Payload(mass=0.2)) != text
+
+
 def test_text_passes_the_check_and_has_no_negative_zero():
     for arm in PLANAR_ARMS:
         text = urdf_from_spec(ArmSpec.paper(arm), Payload(mass=0.1))
