@@ -223,18 +223,19 @@ def probe_folder(folder: str | os.PathLike[str], *names: str) -> Path:
     folder = Path(folder)
     made = [one for one in (folder, *folder.parents) if not os.path.lexists(one)]
     try:
-        with _naming_file_without_room(folder):
-            folder.mkdir(parents=True, exist_ok=True)
-            with tempfile.NamedTemporaryFile(dir=folder, prefix=".probe.", buffering=0) as file:
-                file.write(b"?")
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=folder, prefix=".probe.", buffering=0) as file:
+            file.write(b"?")
         for name in names:
             if (folder / name).is_dir():
                 raise FileError(folder / name, "cannot be written (it is a folder; results need that name for a file)")
-    except (FileError, DiskFullError):
+    except FileError:
         raise
     except (FileExistsError, NotADirectoryError):
         raise FileError(folder, "cannot be written to (a file is in the way; give a folder)") from None
     except (OSError, ValueError) as error:
+        if isinstance(error, OSError) and is_full(error):
+            raise DiskFullError(folder) from error
         reason = error.strerror if isinstance(error, OSError) else error
         raise FileError(folder, f"cannot be written to ({reason}); give a folder that can") from None
     finally:
@@ -253,23 +254,14 @@ def _naming_unwritten_file(path: Path) -> Iterator[None]:
         FileError: it cannot be written.
     """
     try:
-        with _naming_file_without_room(path):
-            yield
+        yield
     except ArmdynError:
         raise
-    except OSError as error:  # no such folder, no right to it, a name too long
-        raise FileError(path, f"cannot be written ({error.strerror or error})") from error
-
-
-@contextmanager
-def _naming_file_without_room(path: Path) -> Iterator[None]:
-    """Context that turns an error about a full disk into a `DiskFullError` with the file's path."""
-    try:
-        yield
     except OSError as error:
         if is_full(error):
             raise DiskFullError(path) from error
-        raise
+        # No such folder, no right to it, a name too long.
+        raise FileError(path, f"cannot be written ({error.strerror or error})") from error
 
 
 def write_sealed(path: str | os.PathLike[str], data: bytes) -> Path:

@@ -43,7 +43,7 @@ def line_of(value: Any) -> str:
     if hasattr(value, "_repr_parts"):
         head, *rest = value._repr_parts()
         return _joined(f"<{kind} {head}{': ' if rest else ''}", rest, ">")
-    return _joined(f"{kind}(", _given(value), ")")
+    return _joined(f"{kind}(", list(_given(value)), ")")
 
 
 def called(name: object) -> str:
@@ -129,12 +129,8 @@ def _joined(head: str, parts: list[str], end: str) -> str:
     return _cut(line, MOST_LETTERS - len(end)) + end
 
 
-def _given(value: Any) -> list[str]:
+def _given(value: Any) -> Iterator[str]:
     """Fields of a dataclass that differ from their defaults, as constructor arguments."""
-    return [f"{field}={_short(content)}" for field, content in _changed(value)]
-
-
-def _changed(value: Any) -> Iterator[tuple[str, object]]:
     for field in fields(value):
         if not field.repr:
             continue
@@ -142,7 +138,7 @@ def _changed(value: Any) -> Iterator[tuple[str, object]]:
         usual = field.default if field.default_factory is MISSING else None
         plain = isinstance(content, str | int | float | tuple | None)
         if not (plain and usual is not MISSING and type(content) is type(usual) and content == usual):
-            yield field.name, content
+            yield f"{field.name}={_short(content)}"
 
 
 def _short(content: object) -> str:
