@@ -4,7 +4,8 @@ Bad input raises. A solve that does not converge is no bad input: it returns a `
 """
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 _ALIKE = 0.7
@@ -147,6 +148,25 @@ class LogError(ArmdynError, ValueError):
 
 class ResultError(ArmdynError, ValueError):
     """A result file cannot be read, or is of a version or in units that are not known."""
+
+
+@contextmanager
+def reraised(error: type[ArmdynError], where: str = "", *caught: type[Exception]) -> Iterator[None]:
+    """Context that raises errors of its block as errors of one class, which say where they occurred.
+
+    Args:
+        error: the class.
+        where: beginning of the message, before a colon; empty: the message stays.
+        caught: classes of errors; none: all of armdyn's.
+
+    Raises:
+        ArmdynError: as `error`.
+    """
+    kinds = caught or (ArmdynError,)
+    try:
+        yield
+    except kinds as why:
+        raise error(f"{where}: {why}" if where else str(why)) from None
 
 
 _MOST_OF_A_PATH = 300

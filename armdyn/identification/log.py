@@ -14,7 +14,7 @@ from scipy.ndimage import gaussian_filter1d
 from armdyn.arguments import Checked, checked, each, expect, numbers, text
 from armdyn.arguments import path as path_of
 from armdyn.arrays import Array
-from armdyn.errors import ArmdynError, LogError, MissingPackageError, TrajectoryError
+from armdyn.errors import LogError, MissingPackageError, TrajectoryError, reraised
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
@@ -148,12 +148,10 @@ class Log(Checked):
         file, joint_names = Path(path_of(path, "path of a log", error=LogError)), expect_robot(robot).joint_names
         if os.path.isdir(file) or file.suffix.lower() in BAGS:  # noqa: PTH112  # False for a name that is too long
             return cls._of_bag(file, joint_names)
-        try:
+        with reraised(LogError, "", TrajectoryError):
             if file.suffix.lower() == ".npz" and file.is_file() and is_trajectory_file(file):
                 return replace(cls.of(Trajectory.load(file)), name=file.name)
             found = read_planned(file, joint_names)
-        except TrajectoryError as error:
-            raise LogError(str(error)) from None
         if found.tau is None:
             raise LogError(
                 f"{file}: there are no torques: columns tau1, tau2, … or effort_JOINT, in an npz an array tau"
@@ -203,8 +201,6 @@ def _joint_states(file: Path) -> Iterator[tuple[float, Any]]:
             for connection, _, raw in reader.messages(connections=states):
                 message: Any = reader.deserialize(raw, connection.msgtype)
                 yield message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec, message
-    except ArmdynError:
-        raise
     except Exception as error:  # its storage raises many classes on a damaged bag
         raise LogError(f"{file}: not a readable bag ({str(error)[:200]})") from None
 

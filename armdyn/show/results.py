@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from armdyn.arguments import listener
-from armdyn.errors import FileError, ResultError
+from armdyn.errors import FileError, ResultError, reraised
 from armdyn.files import as_json, read_json, write_whole
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.obstacles import Obstacle, obstacle_entry, payload_entry
@@ -158,10 +158,8 @@ def load_result(path: str | os.PathLike[str]) -> dict[str, Any]:
         ResultError: the file is missing or too large, no JSON, of an unknown version, in other units, or lacks the
             model's hash.
     """
-    try:
+    with reraised(ResultError, "", FileError):
         content = read_json(path, MAX_BYTES)
-    except FileError as error:
-        raise ResultError(str(error)) from None
     form = content.get("format") if isinstance(content, dict) else None
     if not isinstance(content, dict) or form != _FORMAT:
         raise ResultError(f"{path}: not a result of format {_FORMAT} but {str(form)[:80]!r}")

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from armdyn.arguments import expect
-from armdyn.errors import ArmdynError, ProblemError, did_you_mean
+from armdyn.errors import ProblemError, did_you_mean, reraised
 from armdyn.files import file_inside
 from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.robots.poses import positions_of
@@ -164,10 +164,8 @@ def without_files(table: Table) -> Table:
     Raises:
         ProblemError: a file is not inside the folder of the table's, or cannot be read.
     """
-    try:
+    with reraised(ProblemError, table.path):
         return replace(table, values=_read(table.values, "", table.path))
-    except ArmdynError as error:
-        raise ProblemError(f"{table.path}: {error}") from None
 
 
 def _read(given: Any, key: str, path: str) -> Any:

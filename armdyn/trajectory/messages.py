@@ -13,7 +13,7 @@ import numpy as np
 
 from armdyn.arguments import shown
 from armdyn.arrays import Array
-from armdyn.errors import ProblemError, TrajectoryError
+from armdyn.errors import ProblemError, TrajectoryError, reraised
 from armdyn.files import read_bounded
 from armdyn.parsing.yaml_text import read_yaml
 
@@ -79,10 +79,8 @@ def _content(file: Path) -> object:
     except (ValueError, RecursionError, MemoryError) as error:
         if file.suffix.lower() == ".json":
             raise TrajectoryError(f"{file}: not JSON ({str(error)[:200]})") from None
-    try:
+    with reraised(TrajectoryError, "", ProblemError):
         return read_yaml(file)
-    except ProblemError as error:
-        raise TrajectoryError(str(error)) from None
 
 
 def _message(file: Path, content: object) -> Mapping[Any, Any]:

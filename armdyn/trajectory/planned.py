@@ -16,7 +16,7 @@ import numpy as np
 from armdyn.arguments import path as path_of
 from armdyn.arguments import shown
 from armdyn.arrays import Array
-from armdyn.errors import FileError, TrajectoryError
+from armdyn.errors import FileError, TrajectoryError, reraised
 from armdyn.files import read_bounded
 from armdyn.reprs import brief
 from armdyn.trajectory import messages, npz
@@ -122,19 +122,15 @@ def read_planned(path: str | os.PathLike[str], joint_names: Sequence[str]) -> Pl
     file = Path(path_of(path, "path of a motion", error=TrajectoryError))
     suffix = file.suffix.lower()
     read = _arrays if suffix == ".npz" else messages.read_message if suffix in messages.SUFFIXES else _columns
-    try:
+    with reraised(TrajectoryError, "", FileError):
         found = read(file, joint_names)
-    except FileError as error:
-        raise TrajectoryError(str(error)) from None
     missing = [what for what in ("t", "q") if what not in found]
     if missing:
         joints = f" of {', '.join(joint_names)}" if "q" in missing else ""
         raise TrajectoryError(f"{file}: there is no {' and no '.join(missing)}{joints}; {_USAGE}")
-    try:
+    with reraised(TrajectoryError, str(file)):
         arrays = {what: npz.bounded(array, what) for what, array in found.items()}
-        return Planned(**arrays, hold="zero-order" if read is _columns and _is_own(file) else "linear")
-    except TrajectoryError as error:
-        raise TrajectoryError(f"{file}: {error}") from None
+    return Planned(**arrays, hold="zero-order" if read is _columns and _is_own(file) else "linear")
 
 
 def _is_own(file: Path) -> bool:
@@ -155,10 +151,8 @@ def joint_names_in(path: str | os.PathLike[str], ends: Sequence[str]) -> tuple[s
     """
     file = Path(path_of(path, "path of a motion", error=TrajectoryError))
     suffix = file.suffix.lower()
-    try:
+    with reraised(TrajectoryError, "", FileError):
         named = [] if suffix == ".npz" else messages.names_in(file) if suffix in messages.SUFFIXES else _bare(file)
-    except FileError as error:
-        raise TrajectoryError(str(error)) from None
     if not any(ends):
         whole = suffix in messages.SUFFIXES and len(named) == len(ends)
         return tuple(named) if whole else tuple(f"joint{i + 1}" for i in range(len(ends)))

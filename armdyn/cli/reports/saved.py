@@ -12,7 +12,7 @@ import numpy as np
 
 import armdyn as ad
 from armdyn.arrays import Array
-from armdyn.errors import FileError, TrajectoryError
+from armdyn.errors import FileError, TrajectoryError, reraised
 from armdyn.show.page.facts import Facts
 from armdyn.show.results import load_result
 from armdyn.trajectory import Trajectory
@@ -92,10 +92,8 @@ def motion_of(robot: ad.Robot, file: Path) -> Trajectory:
         return Trajectory.load(file)
     planned = read_planned(file, robot.joint_names)
     _refuse_degrees(robot, file, planned.q)
-    try:
+    with reraised(TrajectoryError, str(file), TrajectoryError):
         motion = ad.trajectory_from_path(robot, planned.t, planned.q, planned.v, planned.a, name=file.stem)
-    except TrajectoryError as error:
-        raise TrajectoryError(f"{file}: {error}") from None
     return motion if planned.tau is None else replace(motion, tau=planned.tau, hold=planned.hold)
 
 

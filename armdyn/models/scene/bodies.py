@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from armdyn.arguments import shown
 from armdyn.arrays import Array
-from armdyn.errors import ProblemError
+from armdyn.errors import ProblemError, reraised
 from armdyn.locks import built_once
 from armdyn.models.reading.meshes import elements_of_links, geometries, load_meshes, origin
 from armdyn.models.reading.urdf_check import parse_urdf
@@ -69,11 +69,12 @@ def bodies(robot: Robot) -> tuple[Body, ...]:
     for tag in ("collision", "visual"):
         found: list[Body] = []
         for name, frame, element in elements_on_frames(robot, root, tag):
-            try:
+            where = f"{robot.source}: link {name!r} cannot be kept clear of anything"
+            with reraised(
+                ProblemError, where, Exception
+            ):  # any error of a foreign mesh: without it contacts are unknown
                 at = frame.placement.homogeneous @ origin(element)
                 shapes = list(_shapes(element, robot.package_dirs))
-            except Exception as error:  # any error of a foreign mesh: without it contacts are unknown
-                raise ProblemError(f"{robot.source}: link {name!r} cannot be kept clear of anything: {error}") from None
             found += [_body(name, frame, at, geometry, balls) for geometry, balls in shapes]
         if any(body.joint for body in found):
             return (*found, *_attached(robot))

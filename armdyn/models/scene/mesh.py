@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from armdyn.arguments import checked, each, numbers, shown, text
 from armdyn.arguments import path as path_of
 from armdyn.arrays import Array
-from armdyn.errors import ProblemError
+from armdyn.errors import ProblemError, reraised
 from armdyn.models.reading.meshes import load_meshes
 from armdyn.models.scene.convex_parts import convex_hull, convex_parts, hull_volume
 from armdyn.models.scene.grid import hollow_parts
@@ -124,10 +124,8 @@ class Mesh(Obstacle):
         factors = numbers(scale, f"scale of {what}")
         if factors.shape not in ((), (3,)) or not np.all((factors > 0) & (factors < np.inf)):
             raise ProblemError(f"scale of {what} is {shown(scale)}; it must be one positive number or three")
-        try:
+        with reraised(ProblemError, what, Exception):  # any error of a foreign mesh
             found = [mesh for mesh, _ in load_meshes(file, np.broadcast_to(factors, 3), _MAX_BYTES)]
-        except Exception as error:  # any error of a foreign mesh
-            raise ProblemError(f"{what}: {error}") from None
         return cls(_cut(found, what), placement, name=name)
 
     @property

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from armdyn.arguments import shown
 from armdyn.arrays import Array
-from armdyn.errors import ArmdynError, ProblemError
+from armdyn.errors import ProblemError, reraised
 from armdyn.files import read_bounded
 from armdyn.models.scene.mesh import Mesh, grouped
 from armdyn.models.scene.shapes import Obstacle, Plane, primitive
@@ -87,7 +87,7 @@ def _object(given: Any, frames: Mapping[str, pin.SE3 | None], where: str) -> Obs
     name = one.get("id")
     if not isinstance(name, str) or not 0 < len(name) <= 200:
         raise ProblemError(f"{where}: its id is {shown(name)}; it must be a name")
-    try:
+    with reraised(ProblemError, f"object {name!r}"):
         if str(one.get("operation", "")) not in _ADD:
             raise ProblemError(f"its operation is {shown(one['operation'])}; objects of a scene are added (0)")
         frame = str(_table(one.get("header") or {}, "header").get("frame_id", "")).strip("/")
@@ -99,8 +99,6 @@ def _object(given: Any, frames: Mapping[str, pin.SE3 | None], where: str) -> Obs
         if not pieces:
             raise ProblemError("it has no primitives, meshes or planes")
         return grouped(pieces, name)
-    except ArmdynError as error:
-        raise ProblemError(f"object {name!r}: {error}") from None
 
 
 def _pieces(one: Mapping[str, Any], pose: Array, name: str) -> Iterator[Obstacle]:

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from armdyn.arguments import number, several, shown
-from armdyn.errors import ArmdynError, FileError, ProblemError, did_you_mean
+from armdyn.errors import ProblemError, did_you_mean, reraised
 from armdyn.files import attributes, file_inside, read_json
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.mesh import Group, Mesh
@@ -82,7 +82,7 @@ def obstacle_from(entry: Mapping[str, Any], where: str, folder: str | os.PathLik
     name = str(entry.get("name", kind))
     if len(name) > _LONGEST_NAME:
         raise ProblemError(f"{where}: its name has {len(name)} characters; it may have {_LONGEST_NAME}")
-    try:
+    with reraised(ProblemError, where):
         arguments = {key: entry[key] for key in parameters if key in entry} | ({"name": name} if make is made else {})
         if given & {"position", "rpy", "quaternion"}:
             turned = entry.get("quaternion"), entry.get("rpy")
@@ -94,8 +94,6 @@ def obstacle_from(entry: Mapping[str, Any], where: str, folder: str | os.PathLik
         if made is Group:
             arguments["members"] = _members(entry["members"], folder)
         obstacle: Obstacle = make(**arguments)
-    except ArmdynError as error:
-        raise ProblemError(f"{where}: {error}") from None
     return obstacle
 
 
@@ -137,10 +135,8 @@ def load_obstacles(path: str | os.PathLike[str]) -> tuple[Obstacle, ...]:
     Raises:
         ProblemError: the file cannot be read, or says something else.
     """
-    try:
+    with reraised(ProblemError, "no file of obstacles"):
         entries = read_json(path, _MAX_FILE)
-    except FileError as error:
-        raise ProblemError(f"no file of obstacles: {error}") from None
     if not isinstance(entries, Sequence) or isinstance(entries, str) or not entries:
         raise ProblemError(f"{path}: must be a list of obstacles, each an object with a type")
     return tuple(

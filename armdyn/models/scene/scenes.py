@@ -13,7 +13,7 @@ import pinocchio as pin
 from armdyn.arguments import expect, number, shown
 from armdyn.arguments import path as path_of
 from armdyn.arrays import Array
-from armdyn.errors import ArmdynError, ProblemError, did_you_mean
+from armdyn.errors import ArmdynError, ProblemError, did_you_mean, reraised
 from armdyn.models.reading.meshes import elements_of_links, geometries, mesh_folders, origin
 from armdyn.models.reading.urdf_arm import configuration
 from armdyn.models.reading.urdf_check import dynamics_urdf, parse_urdf
@@ -116,10 +116,8 @@ def cell_obstacles(
     for tag in ("collision", "visual"):
         pieces: dict[str, list[Obstacle]] = {}
         for name, element in elements_of_links(root, tag):
-            try:
+            with reraised(ProblemError, f"{file}: link {name!r}", ArmdynError, ValueError, OSError):
                 solids = list(_solids(element, placements[name] @ origin(element), folders, name))
-            except (ArmdynError, ValueError, OSError) as error:
-                raise ProblemError(f"{file}: link {name!r}: {error}") from None
             pieces.setdefault(name, []).extend(solids)
         if found := tuple(grouped(own, name) for name, own in pieces.items() if own):
             return found

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from armdyn.arguments import Checked, checked, each, expect, number, numbers, several, shown, text
 from armdyn.arrays import Array
-from armdyn.errors import ProblemError, SpecError
+from armdyn.errors import SpecError, reraised
 from armdyn.models.values.placement import Placement, point, pose_rows
 from armdyn.reprs import brief
 
@@ -173,10 +173,8 @@ class Payload(Checked):
 
 
 def _tip(tip: Placement, name: str) -> tuple[tuple[float, ...], ...]:
-    try:
+    with reraised(SpecError):
         return pose_rows(tip, name)
-    except ProblemError as error:
-        raise SpecError(str(error)) from None
 
 
 @brief

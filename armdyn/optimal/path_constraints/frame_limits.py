@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from armdyn.arguments import expect, number, text, whole
 from armdyn.arrays import Array, Flags
-from armdyn.errors import ProblemError, SpecError
+from armdyn.errors import ProblemError, SpecError, reraised
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.proof_of_clearance import frame_accelerations
 from armdyn.models.scene.reaching import DIRECTIONS, GoalPose, deviations_of, moving_directions
@@ -167,10 +167,8 @@ class FrameRegion(PartialLimit):
 
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
         """Check the frame, and fill in tolerances for all directions in which the frame can move."""
-        try:
+        with reraised(ProblemError, "FrameRegion", SpecError):
             moving = moving_directions(robot, self.region)
-        except SpecError as error:
-            raise ProblemError(f"FrameRegion: {error}") from None
         exact = np.array(DIRECTIONS)[moving & (self.region.deviations == 0)].tolist()
         if exact:
             raise ProblemError(

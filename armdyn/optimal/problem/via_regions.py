@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from armdyn.arrays import Array
-from armdyn.errors import ProblemError, SpecError
+from armdyn.errors import ProblemError, SpecError, reraised
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import GoalPose, deviations_of, frame_placement, poses_reaching, slid
 from armdyn.models.values.joint_limits import JointLimits
@@ -41,10 +41,8 @@ def via_positions(
             found.append(one)
             continue
         after = next((q for q in given[i + 1 :] if q is not None), ends[1])
-        try:
+        with reraised(ProblemError, f"via[{i}]", ProblemError, SpecError):
             found.append(_sampled(robot, limits, one, (found[-1] if found else ends[0], after), is_clear))
-        except (ProblemError, SpecError) as error:
-            raise ProblemError(f"via[{i}]: {error}") from None
     return tuple(found)
 
 
