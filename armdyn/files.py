@@ -67,6 +67,18 @@ def read_bounded(path: str | os.PathLike[str], most: int) -> bytes:
         raise FileError(path, f"cannot be read ({error.strerror})") from None
 
 
+def read_text(path: str | os.PathLike[str], most: int) -> str:
+    """The text of a regular file in UTF-8, without a mark of byte order; else see `read_bounded`.
+
+    Raises:
+        FileError: as of `read_bounded`, or it is not UTF-8.
+    """
+    try:
+        return read_bounded(path, most).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise FileError(path, f"not UTF-8 (byte {error.start})") from None
+
+
 def _refuse_irregular(path: str | os.PathLike[str], found: os.stat_result) -> None:
     if not stat.S_ISREG(found.st_mode):
         kind = _KINDS.get(stat.S_IFMT(found.st_mode), "no file")

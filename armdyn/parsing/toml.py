@@ -13,8 +13,8 @@ from numbers import Integral, Real
 from typing import Any
 
 from armdyn.arguments import one_of, shown
-from armdyn.errors import ArmdynError, FileError, ProblemError, did_you_mean
-from armdyn.files import read_bounded
+from armdyn.errors import ArmdynError, ProblemError, did_you_mean
+from armdyn.files import read_text
 
 MAX_BYTES = 2**18
 """A file that is larger is not read [bytes]."""
@@ -164,12 +164,7 @@ def read_toml(path: str | os.PathLike[str]) -> Table:
         FileError: the file cannot be read, or is too large.
         ProblemError: the file is no TOML; the message says in which line.
     """
-    data = read_bounded(path, MAX_BYTES)
-    name = os.fspath(path)
-    try:
-        text = data.decode("utf-8").replace("\r\n", "\n")
-    except UnicodeDecodeError as error:
-        raise FileError(path, f"not TOML: it is not UTF-8 (byte {error.start})") from None
+    text, name = read_text(path, MAX_BYTES).replace("\r\n", "\n"), os.fspath(path)
     if found := _CHAIN.search(text):
         line = text.count("\n", 0, found.start()) + 1
         raise ProblemError(f"{name}, line {line}: a name of more than {_NAMES} parts with dots between")

@@ -17,7 +17,7 @@ from armdyn.arguments import path as path_of
 from armdyn.arguments import shown
 from armdyn.arrays import Array
 from armdyn.errors import FileError, TrajectoryError, reraised
-from armdyn.files import read_bounded
+from armdyn.files import read_bounded, read_text
 from armdyn.reprs import brief
 from armdyn.trajectory import messages, npz
 from armdyn.trajectory.formats.csv_table import PIECE_COLUMNS, UNITS
@@ -194,10 +194,7 @@ def _arrays(file: Path, joint_names: Sequence[str]) -> dict[str, Array]:
 
 def _columns(file: Path, joint_names: Sequence[str]) -> dict[str, Array]:
     """Columns of a table, by quantity."""
-    try:
-        text = read_bounded(file, MAX_BYTES).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise TrajectoryError(f"{file}: not UTF-8 (byte {error.start}); {_USAGE}") from None
+    text = read_text(file, MAX_BYTES)
     head, _, _ = text.lstrip().partition("\n")
     between = max(",;\t", key=head.count)
     try:

@@ -9,7 +9,7 @@ from xml.parsers import expat
 
 from armdyn.arguments import shown
 from armdyn.errors import FileError, UrdfError
-from armdyn.files import read_bounded
+from armdyn.files import read_text
 
 MAX_BYTES = 32 * 2**20
 """A URDF larger than this is refused [bytes]; the largest known robots stay below 1 MiB."""
@@ -76,13 +76,9 @@ def read_urdf(path: str | os.PathLike[str]) -> str:
         UrdfError: missing, no regular file, unreadable, too large, or not UTF-8.
     """
     try:
-        data = read_bounded(path, MAX_BYTES)
+        return read_text(path, MAX_BYTES)
     except FileError as error:
         raise UrdfError(str(path), error.why) from None
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise UrdfError(str(path), f"not UTF-8 (byte {error.start})") from None
 
 
 def parse_xml(text: str, source: str) -> ElementTree.Element:
