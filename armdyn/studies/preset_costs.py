@@ -46,15 +46,19 @@ class ConditionCost:
     reason: str = ""
 
     def __str__(self) -> str:
-        name = self.condition.replace("_", " ")
+        return f"{self.condition.replace('_', ' ')}: {self.said}"
+
+    @property
+    def said(self) -> str:
+        """The cost in words."""
         if self.reason:
-            return f"{name}: nothing, {self.reason}"
+            return f"nothing, {self.reason}"
         if self.cost is None or self.without is None:
-            return f"{name}: unknown, no motion was found without it"
+            return "unknown, no motion was found without it"
         if self.cost < NOTHING * self.without:
-            return f"{name}: nothing, without it no faster motion was found"
+            return "nothing, without it no faster motion was found"
         part = 100 * self.cost / (self.without + self.cost)
-        return f"{name}: at least {1e3 * self.cost:.3g} ms, {part:.2g} % of the time: {self.without:.4f} s without it"
+        return f"at least {1e3 * self.cost:.3g} ms, {part:.2g} % of the time: {self.without:.4f} s without it"
 
 
 def condition_costs(

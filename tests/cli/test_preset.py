@@ -106,6 +106,7 @@ def test_a_motion_planned_under_a_preset_is_exported_at_its_rate(here):
     )  # fmt: skip
     costs = {one["condition"]: one for one in facts["controller"]["costs"]}
     assert facts["controller"]["accepted"] and list(costs) == ["position", "velocity", "acceleration", "jerk"]
+    assert costs["acceleration"]["said"].startswith("at least ")
     assert costs["acceleration"]["cost"] > 0.1 and costs["velocity"]["reason"] == "the robot's own limit is as strict"
     for kind in ("csv", "ros2", "panda-python"):
         output = answer(run_here("export", "run/trajectory.npz", "--format", kind, "--json"))

@@ -221,7 +221,8 @@ def _by_controller(
     ignored = [row for row in found.offences if not row.necessary]
     lines = [str(found), *(f"recommended, not kept: {row}" for row in ignored[:3])]
     words = {"controller": "\n".join(lines)} | ({"its conditions cost": "\n".join(map(str, priced))} if priced else {})
-    return found.ok, {"controller": found.facts() | {"costs": [asdict(cost) for cost in priced]}}, words
+    facts = found.facts() | {"costs": [asdict(cost) | {"said": cost.said} for cost in priced]}
+    return found.ok, {"controller": facts}, words
 
 
 def _by_reserve(curve: ad.ReserveCurve | None) -> tuple[dict[str, object], dict[str, str]]:

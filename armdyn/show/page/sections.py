@@ -156,7 +156,7 @@ def controller_section(facts: Facts) -> Section | None:
     """Cost of each necessary condition of the controller's preset."""
     controller = facts.part("controller")
     rows = [
-        [one.text("condition").replace("_", " "), _percent(one.number("share") or 0.0), _cost(one)]
+        [one.text("condition").replace("_", " "), _percent(one.number("share") or 0.0), one.text("said")]
         for one in controller.parts("costs")
     ]
     if not rows:
@@ -164,16 +164,6 @@ def controller_section(facts: Facts) -> Section | None:
     text = f"{controller.text('preset')}, {controller.text('interface')} interface; one condition left out at a time."
     body = [element("p", text), stacked(("condition", "of its limit", "<costs"), rows)]
     return Section("controller", "Costs of the controller's conditions", join(body))
-
-
-def _cost(one: Facts) -> str:
-    """Time that a condition costs, in words."""
-    cost, without = one.number("cost"), one.number("without")
-    if reason := one.text("reason"):
-        return f"nothing: {reason}"
-    if cost is None or without is None:
-        return "unknown: no motion was found without it"
-    return f"at least {1e3 * cost:.3g} ms, {100 * cost / (without + cost):.2g} %" if cost > 0 else "nothing"
 
 
 def _percent(share: float) -> Html:

@@ -4,7 +4,7 @@ import base64
 import hashlib
 import json
 import re
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -17,6 +17,7 @@ from armdyn.show.page.motions import ShownMotion, Subject
 from armdyn.show.page.report import Report, report_html, report_of
 from armdyn.show.page.sections import deciding_section, td
 from armdyn.show.page.verdict import tiles_of, verdict_of
+from armdyn.studies.preset_costs import ConditionCost
 from show.motions import quintic
 from show.page.runs import judged
 
@@ -208,19 +209,22 @@ def test_limits_of_the_problem_are_listed_with_their_worst():
 
 
 def test_costs_of_the_controllers_conditions_are_listed():
-    costs = [
-        {"condition": "torque_rate", "share": 0.9995, "without": 0.494, "cost": 0.0229, "reason": ""},
-        {"condition": "jerk", "share": 0.5, "without": None, "cost": 0.0, "reason": "the motion stays below its limit"},
-        {"condition": "velocity", "share": 1.0, "without": None, "cost": None, "reason": ""},
-    ]
+    priced = (
+        ConditionCost("torque_rate", 0.9995, 0.494, 0.0229),
+        ConditionCost("jerk", 0.5, reason="the motion stays below its limit"),
+        ConditionCost("velocity", 1.0, None, None),
+        ConditionCost("acceleration", 1.0, 0.5, 1e-9),
+    )
+    costs = [asdict(one) | {"said": one.said} for one in priced]
     robot, move = judged(controller={"preset": "franka-panda", "interface": "torque", "costs": costs})
     page = page_of(move, robot=robot)
     section = page[page.index("Costs of the controller") :]
     section = " ".join(text_of(section[: section.index("</section>")]).split())
     assert "franka-panda, torque interface" in section
-    assert "torque rate 99.95 % at least 22.9 ms, 4.4 %" in section
-    assert "jerk 50 % nothing: the motion stays below its limit" in section
-    assert "velocity 100 % unknown: no motion was found without it" in section
+    assert "torque rate 99.95 % at least 22.9 ms, 4.4 % of the time: 0.4940 s without it" in section
+    assert "jerk 50 % nothing, the motion stays below its limit" in section
+    assert "velocity 100 % unknown, no motion was found without it" in section
+    assert "acceleration 100 % nothing, without it no faster motion was found" in section  # a cost of rounding
     assert "Costs of the controller" not in page_of(judged()[1], robot=robot)
 
 
