@@ -7,6 +7,7 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.dynamics.numeric import inverse_dynamics
+from armdyn.models.values.actuator_limits import ActuatorLimits
 from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.optimal.flat.equations import POINTS
 from armdyn.optimal.flat.nlp_data import CurveSpec, TorqueMargin, curve_layout, torque_rates
@@ -27,23 +28,38 @@ def excesses_of(task: Task, curve: Curve) -> tuple[TorqueMargin, ...]:
         curve: the curve.
     """
     problem, checks = task.problem, task.policy.curves.checks
-    limits, limit = problem.limits, torque_rates(task, TightenedConstraints.of(task))
-    half, marks = limits.actuators.half_range, np.linspace(0, checks, POINTS + 1).astype(int)
-    parts = [slice(first, last + 1) for first, last in pairwise(marks)]  # each point's part of an interval
-    found = []
+    limit, found = torque_rates(task, TightenedConstraints.of(task)), []
     for leg in curve.legs:
         breaks = leg.basis.breaks
         s = breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1, checks + 1)
         q, v, a = (x.reshape(*s.shape, -1) for x in leg.at(s.ravel()))
         tau = inverse_dynamics(problem.robot)(q, v, a)
-        weakest, strongest = limits.actuators.range(q, v)
-        upper, lower = (
-            np.stack([np.max(beyond[:, part], axis=1) for part in parts], axis=1).reshape(-1, half.size)
-            for beyond in (peaks((tau - strongest) / half), peaks((weakest - tau) / half))
-        )
         rates = _KEPT if limit is None else _rate_excess(leg, s, tau, limit)
-        found.append(TorqueMargin(upper, lower, rates))
+        found.append(TorqueMargin(*torque_excess(problem.limits.actuators, q, v, tau, POINTS), rates))
     return tuple(found)
+
+
+def torque_excess(limits: ActuatorLimits, q: Array, v: Array, tau: Array, parts: int) -> tuple[Array, Array]:
+    """Largest excess of torques over their upper and lower limits in each part of every interval.
+
+    Args:
+        limits: the limits.
+        q: positions at places of every interval, including its ends [rad or m], shape (intervals, places, nv).
+        v: velocities there [rad/s or m/s], likewise.
+        tau: torques there [N m or N], likewise.
+        parts: number of equal parts of an interval.
+
+    Returns:
+        Excesses as parts of half the ranges, negative: slack, each of shape (intervals * parts, nv). The maximum of the
+        parabola through three places counts.
+    """
+    marks, half = np.linspace(0, tau.shape[1] - 1, parts + 1).astype(int), limits.half_range
+    weakest, strongest = limits.range(q, v)
+    upper, lower = (
+        np.stack([np.max(beyond[:, a : b + 1], axis=1) for a, b in pairwise(marks)], axis=1).reshape(-1, half.size)
+        for beyond in (peaks((tau - strongest) / half), peaks((weakest - tau) / half))
+    )
+    return upper, lower
 
 
 def peaks(tau: Array) -> Array:

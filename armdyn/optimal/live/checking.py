@@ -8,7 +8,6 @@ import numpy as np
 from armdyn.arrays import Array
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.flat.curve import CurveLeg
-from armdyn.optimal.flat.excess import peaks
 from armdyn.optimal.live.program import LiveProblem
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE
 from armdyn.trajectory import Trajectory
@@ -56,11 +55,7 @@ def check(live: LiveProblem, leg: CurveLeg) -> SampledCurve:
     derivatives = mesh.of_samples @ leg.points
     q, v, a = derivatives[0], derivatives[1] / duration, derivatives[2] / duration**2
     tau = live.program.torque_rows.torque(q, v, a)
-    lower, upper = limits.actuators.range(q, v)
-    above, below = (
-        np.max(mesh.once(peaks(mesh.per_interval(each)))[mesh.around], axis=1)
-        for each in ((tau - upper) / live.half, (lower - tau) / live.half)
-    )
+    above, below = mesh.torque_excess(limits.actuators, q, v, tau)
     bounded = np.where(np.isinf(limits.position_upper), 1.0, limits.position_upper - limits.position_lower)
     other = max(
         float(np.max(np.abs(v) / limits.velocity)) - 1,

@@ -98,17 +98,17 @@ def _step_taken(
         control: size of the step, and price of torques.
         eager: whether a step that increases the merit is taken, too.
     """
-    policy, reach = live.numbers.live, control.reach
+    policy, usual, reach = live.numbers.live, live.numbers.sequential, control.reach
     if step is None:
-        return here, max(reach / policy.shrink, policy.least_reach)
+        return here, max(reach / usual.shrink, policy.least_reach)
     there = live.at(step.leg)
     before, after = live.merit(here, margins, control.price), live.merit(there, margins, control.price)
     little = policy.enough * live.leg(here.x).duration
     if after > before + little and not eager:
-        return here, max(step.part / policy.shrink, policy.least_reach)
-    if before - after < policy.poor * (before - step.promised):
+        return here, max(step.part / usual.shrink, policy.least_reach)
+    if before - after < usual.poor * (before - step.promised):
         reach = step.part / 2
-    elif before - after > policy.good * (before - step.promised):
+    elif before - after > usual.good * (before - step.promised):
         reach = 2 * reach
     return there, float(np.clip(reach, policy.least_reach, 1.0))
 

@@ -14,10 +14,12 @@ import scipy.sparse as sp
 from armdyn.arrays import Array, Index
 from armdyn.dynamics.numeric import joint_inertia
 from armdyn.locks import cached_property
+from armdyn.models.values.actuator_limits import ActuatorLimits
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.convex_step import solve_step, with_values
 from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.optimal.flat.curve_program import CurveCost, CurveProgram, Iterate, Prices, quadratic_form
+from armdyn.optimal.flat.excess import torque_excess
 from armdyn.optimal.flat.linear_rows import DerivativeRows, TorqueRows, clearance_rows
 from armdyn.optimal.flat.nlp_data import TorqueMargin, finite
 from armdyn.optimal.flat.program import CurveLayout
@@ -58,15 +60,10 @@ class Places:
         return np.asarray(lengths / np.sum(lengths))
 
     @cached_property
-    def fine(self) -> Array:
-        """Samples of each interval, shape (intervals, checks + 1): a break is in two intervals."""
-        breaks = self.basis.breaks
-        return breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1, self.checks + 1)
-
-    @cached_property
     def samples(self) -> Array:
-        """Samples, each once, shape (samples,)."""
-        return np.append(self.fine[:, :-1].ravel(), 1.0)
+        """Samples of all intervals, each once, shape (samples,)."""
+        breaks, parts = self.basis.breaks, np.linspace(0, 1, self.checks, endpoint=False)
+        return np.append((breaks[:-1, None] + np.diff(breaks)[:, None] * parts).ravel(), 1.0)
 
     @cached_property
     def of_samples(self) -> Array:
@@ -74,22 +71,25 @@ class Places:
         return np.array([self.basis.values(self.samples, order) for order in range(3)])
 
     @cached_property
-    def around(self) -> Index:
-        """Samples around each place, up to halfway to the next places, shape (places, checks / 2 + 1)."""
-        half = self.checks // (2 * _PER_INTERVAL)
-        middle = np.arange(self.places.size)[:, None] * (self.checks // _PER_INTERVAL)
-        return np.asarray(np.clip(middle + np.arange(-half, half + 1), 0, self.samples.size - 1))
+    def in_intervals(self) -> Index:
+        """Indices of the samples of each interval, shape (intervals, checks + 1): a break is in two intervals."""
+        return np.arange(self.basis.intervals)[:, None] * self.checks + np.arange(self.checks + 1)
 
-    def per_interval(self, values: Array) -> Array:
-        """Values at the samples, shape (samples, nv), interval by interval, shape (intervals, checks + 1, nv)."""
-        index = np.arange(self.basis.intervals)[:, None] * self.checks + np.arange(self.checks + 1)
-        return np.asarray(values[index])
+    def torque_excess(self, limits: ActuatorLimits, q: Array, v: Array, tau: Array) -> tuple[Array, Array]:
+        """Largest excess of torques over upper and lower limits around each place, up to halfway to the next ones.
 
-    def once(self, values: Array) -> Array:
-        """Reverse `per_interval`; for a break the larger of its two values."""
-        out = np.concatenate([values[:, :-1].reshape(-1, values.shape[-1]), values[-1:, -1]])
-        out[self.checks : -1 : self.checks] = np.maximum(out[self.checks : -1 : self.checks], values[:-1, -1])
-        return out
+        Args:
+            limits: the limits.
+            q: positions at the samples [rad or m], shape (samples, nv).
+            v: velocities [rad/s or m/s], likewise.
+            tau: torques [N m or N], likewise.
+
+        Returns:
+            Excesses as parts of half the ranges, negative: slack, each of shape (places, nv).
+        """
+        halves = torque_excess(limits, *(each[self.in_intervals] for each in (q, v, tau)), 2 * _PER_INTERVAL)
+        upper, lower = (np.concatenate([each[:1], each, each[-1:]]) for each in halves)
+        return np.maximum(upper[::2], upper[1::2]), np.maximum(lower[::2], lower[1::2])
 
 
 _IN_FLIGHT = 1e-5
@@ -237,12 +237,12 @@ class LiveProblem:
             margins: torque margins.
             control: size of the step, and price of torques.
         """
-        policy, program, reach = self.numbers.live, self.program, control.reach
+        policy, program, reach = self.numbers.sequential, self.program, control.reach
         step = program.step_program(at, self.torque_limits(at, margins), self._prices(at, control.price))
-        curvature = with_values(step.curvature, (1 + policy.proximal / reach) * step.curvature.data)
+        curvature = with_values(step.curvature, (1 + self.numbers.live.proximal / reach) * step.curvature.data)
         durations = reach * policy.faster, reach * policy.slower
         step = program.within(replace(step, curvature=curvature), at.x, reach * policy.trust, durations)
-        found = solve_step(step, policy.accuracy)
+        found = solve_step(step, self.numbers.live.accuracy)
         if not found.found:
             return None
         change, before = self.leg(found.step), self.leg(at.x)
@@ -256,8 +256,9 @@ class LiveProblem:
 
     def _prices(self, at: Iterate, torque: float) -> Prices:
         """Prices of violations: those of derivatives by the duration at the iterate."""
-        policy, (T,) = self.numbers.live, at.x[self.program.cost.durations]
-        return Prices(torque, policy.distance, tuple(policy.rate * T**sides.power for sides in at.sides))
+        numbers, (T,) = self.numbers, at.x[self.program.cost.durations]
+        rates = tuple(numbers.live.rate * T**sides.power for sides in at.sides)
+        return Prices(torque, numbers.sequential.distance, rates)
 
 
 def acceleration_limits(problem: MinimumTimeProblem) -> Array:

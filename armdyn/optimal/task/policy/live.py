@@ -10,7 +10,7 @@ MANY = "the same, 1,400 goals (seeds 1, 4, 7, 16, 18, 31 and 33)"
 
 @dataclass(frozen=True, kw_only=True)
 class LivePolicy:
-    """Tuned numbers of replanned motions and stops: layout, improvement, checks."""
+    """Tuned numbers of replanned motions and stops: layout, improvement, checks; those of steps: `SequentialPolicy`."""
 
     cases: ClassVar = (
         "Panda, goals moved by up to 0.2 rad or 5 cm: twelve random pairs (seed 1), 200 goals (seeds 4 and 7)"
@@ -35,8 +35,6 @@ class LivePolicy:
         "some motions end beyond a limit",
         MANY,
     )
-    distance: float = tuned(10.0, "s/m", "price of a distance below the clearance at a pose")
-    trust: float = tuned(0.3, "rad or m", "radius of the first step")
     excess_steps: int = tuned(
         2, "steps", "beyond torque limits, after which the greatest step shrinks: excesses fall with its square"
     )
@@ -49,11 +47,6 @@ class LivePolicy:
     proximal: float = tuned(
         1.0, "of smooth", "weight of squared changes of accelerations, which determines joints with time to spare"
     )
-    shrink: float = tuned(3.0, "-", "factor by which the radius falls after a step that raises the merit")
-    slower: float = tuned(0.5, "of the duration", "largest increase in a step")
-    faster: float = tuned(0.25, "of the duration", "largest decrease in a step")
-    poor: float = tuned(0.25, "of the promised", "gain below which the radius shrinks", "Nocedal and Wright")
-    good: float = tuned(0.75, "of the promised", "gain above which the radius grows", "Nocedal and Wright")
     eager: int = tuned(2, "steps", "accepted without a test")
     steps: int = tuned(20, "steps", "at most; the median is 3")
     enough: float = tuned(5e-4, "of the duration", "largest change by the last step of a motion that is returned")
