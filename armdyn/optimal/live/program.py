@@ -19,6 +19,7 @@ from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.convex_step import solve_step, with_values
 from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.optimal.flat.curve_program import CurveCost, CurveProgram, Iterate, Prices, quadratic_form
+from armdyn.optimal.flat.equations import POINTS
 from armdyn.optimal.flat.excess import torque_excess
 from armdyn.optimal.flat.linear_rows import DerivativeRows, TorqueRows, clearance_rows
 from armdyn.optimal.flat.nlp_data import TorqueMargin, finite
@@ -54,12 +55,6 @@ class Places:
         return np.append(inner.ravel(), 1.0)
 
     @cached_property
-    def weights(self) -> Array:
-        """Parts of the duration nearest to each of the places, shape (places,)."""
-        lengths = np.gradient(self.places)
-        return np.asarray(lengths / np.sum(lengths))
-
-    @cached_property
     def samples(self) -> Array:
         """Samples of all intervals, each once, shape (samples,)."""
         breaks, parts = self.basis.breaks, np.linspace(0, 1, self.checks, endpoint=False)
@@ -87,7 +82,8 @@ class Places:
         Returns:
             Excesses as parts of half the ranges, negative: slack, each of shape (places, nv).
         """
-        halves = torque_excess(limits, *(each[self.in_intervals] for each in (q, v, tau)), 2 * _PER_INTERVAL)
+        q, v, tau = (each[self.in_intervals] for each in (q, v, tau))
+        halves = torque_excess(limits, q, v, tau, 2 * _PER_INTERVAL)
         upper, lower = (np.concatenate([each[:1], each, each[-1:]]) for each in halves)
         return np.maximum(upper[::2], upper[1::2]), np.maximum(lower[::2], lower[1::2])
 
@@ -285,8 +281,7 @@ def _curve_program(problem: MinimumTimeProblem, policy: LivePolicy, mesh: Places
     rows, acceleration = [rates(1, limits.velocity * (1 - _IN_FLIGHT))], acceleration_limits(problem)
     if np.any(np.isfinite(acceleration)):
         rows.append(rates(2, acceleration * (1 - policy.acceleration_reserve)))
-    second = mesh.basis.values(mesh.places, 2)
-    squares = policy.smooth * (second.T * mesh.weights) @ second
+    squares = policy.smooth * mesh.basis.squared(2, POINTS)
     nothing = np.zeros((count, n))
     cost = CurveCost(
         durations=np.array([duration]),
