@@ -113,8 +113,8 @@ def constraint_values(problem: MinimumTimeProblem, constraints: TightenedConstra
 
 def rate_limits(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> dict[int, Array]:
     """Limits of the curve's time derivatives by order, each of shape (nv,); inf: none."""
-    velocity = problem.limits.velocity
-    return {1: velocity, 2: np.full(velocity.size, np.inf)} | constraints.derivative_limits(problem)
+    none = np.full(problem.robot.nv, np.inf)
+    return {1: problem.limits.velocity, 2: none, 3: none} | constraints.derivative_limits(problem)
 
 
 _Equations = tuple[Array, Array, Array]

@@ -166,10 +166,11 @@ def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[StageRows, ...], c
     n, blocks, shared = shape.joints, list[Block](), Shared.size(shape.joints)
     first = shared
 
-    def add(one: IntervalFunctions, index: Index, own: int, whole: bool = False, rows: StageRows | None = None) -> None:
-        """Add equations at places, a column of unknowns each. Parameters: `own` of each place, `Shared`, the rows'."""
+    def add(one: IntervalFunctions, index: Index, whole: bool = False, rows: StageRows | None = None) -> None:
+        """Add equations at places, a column of unknowns each. Parameters: each place's, perhaps `Shared`, the rows'."""
         nonlocal first
         places, common = index.shape[1], 0 if rows is None else rows.numbers
+        own = one.defects.numel_in(1) - shared * whole - common
         each = first + np.arange(own * places).reshape(places, own).T
         first += own * places + common
         same = np.concatenate([np.arange(shared * whole), np.arange(first - common, first)])
@@ -177,25 +178,25 @@ def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[StageRows, ...], c
         blocks.append(Block(one, index, parameters, rows is not None and rows.where == "sum"))
 
     for leg in shape.legs:
-        add(torque_equations(dynamics, compile_mode), shape.at_points(leg), 3 * WINDOW + 3, True)
-        add(torque_step_cost(n), shape.torque_steps(leg)[: 2 * n], 1)
+        add(torque_equations(dynamics, compile_mode), shape.at_points(leg), whole=True)
+        add(torque_step_cost(n), shape.torque_steps(leg)[: 2 * n])
         for order in shape.orders:
-            add(rate_equations(n, order), shape.differences(leg, order), order + 1 + n)
+            add(rate_equations(n, order), shape.differences(leg, order))
         if shape.lines:
-            add(torque_speed_equations(n, shape.lines), shape.at_points(leg), WINDOW + shape.lines * n)
+            add(torque_speed_equations(n, shape.lines), shape.at_points(leg))
     for leg in shape.legs[1:]:
         for order in range(1, shape.smooth + 1):
             before, after = shape.differences(leg - 1, order)[:, -1:], shape.differences(leg, order)[:, :1]
-            add(meeting_equations(n, order), np.vstack([before, after]), 2 * (order + 1) + n)
+            add(meeting_equations(n, order), np.vstack([before, after]))
     if shape.rated:  # within each leg, between legs, and at both ends
         for leg in shape.legs:
-            add(torque_rate_equations(n, 1), shape.torque_steps(leg), 1 + n)
+            add(torque_rate_equations(n, 1), shape.torque_steps(leg))
         for leg in shape.legs[1:]:
-            add(torque_rate_equations(n, 2), shape.torque_meeting(leg), 2 + n)
+            add(torque_rate_equations(n, 2), shape.torque_meeting(leg))
         for end in shape.torque_ends():
-            add(torque_rate_equations(n, 1, given=True), end, 1 + 2 * n)
+            add(torque_rate_equations(n, 1, given=True), end)
     everywhere = np.hstack([shape.in_intervals(leg) for leg in shape.legs])
     for each in rows:
         index = everywhere[:, intervals_of(each, shape.intervals)]
-        add(each.functions(CurveInterval(dynamics, compile_mode)), index, WINDOW**2 + 1, True, each)
+        add(each.functions(CurveInterval(dynamics, compile_mode)), index, True, each)
     return program_of(blocks, shape.size, [shape.duration(leg) for leg in shape.legs], shared - 1)

@@ -83,7 +83,10 @@ class TorqueRateLimit(PathConstraint):
 
     def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         """Bounds of ±1, and none at an end whose holding torque is out of reach."""
-        ends = [RowValues(-free, free, hold) for hold, free in (self._held(problem, x) for x in _ends(problem))]
+        ends = [
+            RowValues(-free, free, hold)
+            for hold, free in (self._held(problem, x) for x in (problem.x_start, problem.x_goal))
+        ]
         return (RowValues(-1, 1, 1 / np.asarray(self.limit)), *ends)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
@@ -98,7 +101,8 @@ class TorqueRateLimit(PathConstraint):
         if share > 1 + self.policy.rate_tolerance:
             worst.append(Violation("torque-rate limit", joint, float(motion.t[k]), share - 1))
             reasons.append(f"the torque of joint {joint!r} changes {share:.4g} times as fast as its limit allows")
-        ends = zip(_ends(problem), motion.t[[0, -1]], motion.tau[[0, -1]], ("begins", "ends"), strict=True)
+        states = problem.x_start, problem.x_goal
+        ends = zip(states, motion.t[[0, -1]], motion.tau[[0, -1]], ("begins", "ends"), strict=True)
         for x, t, tau, end in ends:
             hold, free = self._held(problem, x)
             jump = np.where(free > 0, 0, np.abs(tau - hold)) / problem.limits.actuators.scale
@@ -137,10 +141,6 @@ def _from_torque(stages: Stages, hold: ca.SX, part: float) -> ca.SX:
     """Difference of the torque from a given one at a fraction of the interval, over its scale."""
     distance: ca.SX = (stages.tau[:, 0] + (part - stages.c[0]) * _torque_change(stages) - hold) / stages.effort
     return distance
-
-
-def _ends(problem: MinimumTimeProblem) -> tuple[Array, Array]:
-    return problem.x_start, problem.x_goal
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from armdyn.optimal.flat.basis import DEGREE, Basis
 from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.optimal.flat.excess import excesses_of, worst_excess
 from armdyn.optimal.flat.follow import follow, forced_snap
+from armdyn.optimal.flat.nlp_data import rate_limits
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.profile import Profiles
@@ -48,7 +49,8 @@ def profiles(task: Task) -> tuple[list[Optimum], SearchResult]:
     original, found = TightenedConstraints.of(task), list[Optimum]()
     constraints, decides = original, _deciding(problem, original)
     for _ in range(numbers.profile_rounds):
-        curve = synchronous(problem, _limits(problem, constraints, 1 - numbers.velocity_error))
+        velocity, *rates = rate_limits(problem, constraints).values()
+        curve = synchronous(problem, ((1 - numbers.velocity_error) * velocity, *rates))
         if task.stop or worst_excess(excesses_of(task, curve)) > 0:
             break
         task.progress(f"replaying the joints' profiles of {curve.duration:.6f} s")
@@ -63,7 +65,7 @@ def profiles(task: Task) -> tuple[list[Optimum], SearchResult]:
     return found, SearchResult(())
 
 
-def synchronous(problem: MinimumTimeProblem, limits: tuple[Array, Array, Array]) -> Curve:
+def synchronous(problem: MinimumTimeProblem, limits: tuple[Array, ...]) -> Curve:
     """The joints' profiles with a common duration, a leg for every time in which no jerk changes.
 
     Args:
@@ -127,23 +129,13 @@ def _samples(task: Task, curve: Curve) -> list[int]:
     return counts
 
 
-def _limits(
-    problem: MinimumTimeProblem, constraints: TightenedConstraints, part: float = 1.0
-) -> tuple[Array, Array, Array]:
-    """Limits of velocity, times a part, acceleration and jerk [rad or m, s], each of shape (nv,); infinite: none."""
-    none = np.full(problem.robot.nv, np.inf)
-    given = constraints.derivative_limits(problem)
-    return part * problem.limits.velocity, given.get(2, none), given.get(3, none)
-
-
 def _deciding(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[Share, ...]:
     """The limits that decide the slowest joint's duration, largest share first."""
-    way, limits = np.abs(problem.poses[-1] - problem.poses[0]), _limits(problem, constraints)
-    times = Profiles.of(way, *limits).durations
+    way, limits = np.abs(problem.poses[-1] - problem.poses[0]), rate_limits(problem, constraints)
+    times = Profiles.of(way, *limits.values()).durations
     joint = int(np.argmax(times))
     parts = {}
     for order, limit in RATE_LIMITS.items():
-        velocity, acceleration, jerk = (each * (1 + _STEP * (order == k)) for k, each in enumerate(limits, start=1))
-        changed = Profiles.of(way, velocity, acceleration, jerk).durations
+        changed = Profiles.of(way, *(limits | {order: limits[order] * (1 + _STEP)}).values()).durations
         parts[limit] = (1 - changed[[joint]] / times[joint]) / _STEP
     return shares_of(parts, (problem.robot.joint_names[joint],), _STEP)
