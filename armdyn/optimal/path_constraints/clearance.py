@@ -64,7 +64,8 @@ class ClearanceConstraint(PathConstraint):
         leg = np.clip(np.searchsorted(marks, times, side="right") - 1, 0, marks.size - 2)
         part = (np.array(times) - marks[leg]) / np.diff(marks)[leg]
         missed = np.column_stack([leg, part])
-        return ConstraintReport(self.name, f"{clearance}, proven at all times", None, reasons, worst, missed, clearance)
+        said = str(clearance) if reasons else f"{clearance}; the clearance is proven at all times"
+        return ConstraintReport(self.name, said, None, reasons, worst, missed, clearance)
 
     def tightened(self, problem: MinimumTimeProblem, report: ConstraintReport) -> Self:
         """Require distances also at the times at which they were violated."""

@@ -52,9 +52,11 @@ def test_a_box_leaves_its_table_and_does_not_dig_in():
         ad.MinimumTimeProblem(robot, **options)
     problem = ad.MinimumTimeProblem(robot, **options, end_contacts=[("table", "payload")])
     up = ad.ramp(robot, problem.q_start, problem.q_goal, 1.0)
-    assert ClearanceConstraint().check(problem, up, np.empty(0)).reasons == ()
+    report = ClearanceConstraint().check(problem, up, np.empty(0))
+    assert report.reasons == () and report.said.endswith("; the clearance is proven at all times")
     down = ad.ramp(robot, [0.0, 0.0], [-0.01, 0.0], 1.0)  # the box digs in, 5 mm at the end
     report = ClearanceConstraint().check(problem, down, np.empty(0))
+    assert "proven" not in report.said
     assert "inside 'table'" in report.reasons[0]
     model, least = problem.collision_model(), -problem.clearance
     assert model.is_free([0.0, 0.0], least) and not model.is_free([-0.1, 0.0], least)
