@@ -151,7 +151,7 @@ def stopper(value: object) -> StopCondition:
     return function(value, "stop", lambda: False)
 
 
-def parts(value: object, name: str) -> Array:
+def parts_of(value: object, name: str) -> Array:
     """Numbers from 0 to 1, shape (n,).
 
     Raises:
@@ -321,7 +321,7 @@ def one_of(value: object, known: Sequence[str], name: str, *, error: type[Armdyn
     raise error(f"{name} is {shown(value)}; it is one of {', '.join(map(repr, known))}")
 
 
-def path(value: object, name: str, *, error: type[ArmdynError] = ProblemError) -> str:
+def path_of(value: object, name: str, *, error: type[ArmdynError] = ProblemError) -> str:
     """A path that the file system can have; the file need not exist.
 
     Raises:

@@ -14,8 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
-from armdyn.arguments import path as path_of
-from armdyn.arguments import shown
+from armdyn.arguments import path_of, shown
 from armdyn.errors import ArmdynError, DiskFullError, FileError, ProblemError
 
 _FULL = (errno.ENOSPC, errno.EDQUOT)

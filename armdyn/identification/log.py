@@ -11,8 +11,7 @@ from typing import Any, Self
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from armdyn.arguments import Checked, checked, each, expect, numbers, text
-from armdyn.arguments import path as path_of
+from armdyn.arguments import Checked, checked, each, expect, numbers, path_of, text
 from armdyn.arrays import Array
 from armdyn.errors import LogError, MissingPackageError, TrajectoryError, reraised
 from armdyn.models.robots.robot import Robot, expect_robot

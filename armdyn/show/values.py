@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from armdyn.arguments import path as path_of
+from armdyn.arguments import path_of
 from armdyn.arrays import Array
 from armdyn.control.tracking.run import Run
 from armdyn.models import Robot

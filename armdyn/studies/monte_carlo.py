@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from armdyn.arguments import listener, number
-from armdyn.arguments import parts as parts_of
+from armdyn.arguments import listener, number, parts_of
 from armdyn.arrays import Array
 from armdyn.control.laws.lqr import Lqr
 from armdyn.control.loop.loop import Controller, Loop

@@ -13,7 +13,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, BinaryIO, Literal
 
-from armdyn.arguments import path as path_of
+from armdyn.arguments import path_of
 from armdyn.errors import ArmdynError, DiskFullError, FileError, ProblemError, ResultError
 
 Value = Any

@@ -13,8 +13,7 @@ from typing import Protocol, cast
 
 import numpy as np
 
-from armdyn.arguments import expect, flag, function, listener, one_of
-from armdyn.arguments import path as path_of
+from armdyn.arguments import expect, flag, function, listener, one_of, path_of
 from armdyn.errors import ResultError
 from armdyn.optimal.problem.status import Stop, stopping
 from armdyn.studies.executor import HERE, Ended, Executor, ExecutorOf, StudyCase, local_executor

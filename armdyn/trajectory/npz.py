@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.arguments import path as path_of
+from armdyn.arguments import path_of
 from armdyn.arrays import Array
 from armdyn.errors import FileError, TrajectoryError
 from armdyn.files import read_bounded, write_whole

@@ -13,8 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from armdyn.arguments import path as path_of
-from armdyn.arguments import shown
+from armdyn.arguments import path_of, shown
 from armdyn.arrays import Array
 from armdyn.errors import FileError, TrajectoryError, reraised
 from armdyn.files import read_bounded, read_text

@@ -9,7 +9,7 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.arguments import parts as parts_of
+from armdyn.arguments import parts_of
 from armdyn.arrays import Array, Flags
 from armdyn.control.loop.references import Ticks
 from armdyn.control.stability.rate import SampledStability

@@ -13,8 +13,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 
-from armdyn.arguments import each
-from armdyn.arguments import path as path_of
+from armdyn.arguments import each, path_of
 from armdyn.errors import ArmdynError, SpecError
 from armdyn.models.reading.from_pinocchio import Reading
 from armdyn.models.reading.meshes import mesh_folders, resolve_mesh

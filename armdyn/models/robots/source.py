@@ -11,7 +11,7 @@ from typing import Any, Literal, TypedDict
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import Checked, checked, each, expect, path, several, shown
+from armdyn.arguments import Checked, checked, each, expect, path_of, several, shown
 from armdyn.errors import FileError, SpecError, UnknownRobotError, UrdfError
 from armdyn.files import place_inside
 from armdyn.models.mjcf.reading import is_mjcf
@@ -194,7 +194,7 @@ class RobotOptions(Checked):
     inertias: Mapping[str, ArrayLike] | None = checked(
         expect, None, kind=Mapping, hint="joint name to ten inertial parameters", error=SpecError
     )
-    package_dirs: Sequence[str | os.PathLike[str]] = checked(each, (), of=path, error=SpecError)
+    package_dirs: Sequence[str | os.PathLike[str]] = checked(each, (), of=path_of, error=SpecError)
 
 
 def robot_options(payload: Payload | None, keywords: RobotKeywords) -> RobotOptions:

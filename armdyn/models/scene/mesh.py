@@ -11,8 +11,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import checked, each, numbers, shown, text
-from armdyn.arguments import path as path_of
+from armdyn.arguments import checked, each, numbers, path_of, shown, text
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError, reraised
 from armdyn.models.reading.meshes import load_meshes

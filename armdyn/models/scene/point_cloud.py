@@ -13,8 +13,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import checked, number, numbers, text
-from armdyn.arguments import path as path_of
+from armdyn.arguments import checked, number, numbers, path_of, text
 from armdyn.arrays import Array, Index
 from armdyn.errors import ProblemError
 from armdyn.files import read_bounded

@@ -10,8 +10,7 @@ from xml.etree.ElementTree import Element
 
 import pinocchio as pin
 
-from armdyn.arguments import expect, number, shown
-from armdyn.arguments import path as path_of
+from armdyn.arguments import expect, number, path_of, shown
 from armdyn.arrays import Array
 from armdyn.errors import ArmdynError, ProblemError, did_you_mean, reraised
 from armdyn.models.reading.meshes import elements_of_links, geometries, mesh_folders, origin

@@ -11,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import expect, flag, number, path, several
+from armdyn.arguments import expect, flag, number, path_of, several
 from armdyn.arrays import Array
 from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.locks import cached_property
@@ -285,7 +285,7 @@ class MinimumTimeProblem:
                 given[own.name] = _plain(value)
         if isinstance(self.effort_limit, tuple) and len(self.effort_limit) == 2:
             given["effort_limit"] = [np.broadcast_to(end, self.robot.nv).tolist() for end in self.effort_limit]
-        robot = robot_table(self.robot, None if folder is None else path(folder, "folder"))
+        robot = robot_table(self.robot, None if folder is None else path_of(folder, "folder"))
         text = to_toml({"robot": robot, "problem": given})
         if (size := len(text.encode())) > MAX_BYTES:
             raise ProblemError(

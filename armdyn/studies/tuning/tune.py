@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from armdyn.arguments import Checked, checked, expect, listener, number, one_of, path, whole
+from armdyn.arguments import Checked, checked, expect, listener, number, one_of, path_of, whole
 from armdyn.arrays import Array
 from armdyn.control.loop.loop import Controller, Loop, expect_loop
 from armdyn.control.tracking.track import Setup, expect_own_payload
@@ -67,7 +67,7 @@ class TuneOptions(Checked):
     generations: int = checked(whole, 60, least=1)
     time_limit: float = checked(number, np.inf, unit="s", sign="positive", finite=False)
     workers: int | None = checked(whole, None, least=1)
-    file: str | os.PathLike[str] | None = checked(path, None)
+    file: str | os.PathLike[str] | None = checked(path_of, None)
 
 
 @brief
