@@ -82,7 +82,8 @@ class Log(Checked):
         for name in ("t", "q", "v", "tau"):
             own = getattr(self, name)
             if own is not None and (wrong := np.argwhere(~np.isfinite(own))).size:
-                joint = self._label(int(wrong[0][1])) if own.ndim == 2 else None
+                joints = self.joint_names or [f"joint {j + 1}" for j in range(self.q.shape[1])]
+                joint = joints[wrong[0][1]] if own.ndim == 2 else None
                 raise LogError(f"{self.name}: {name} is not finite in sample {wrong[0][0]}", joint)
 
     def _check_clock(self) -> None:
@@ -100,10 +101,6 @@ class Log(Checked):
                 f"{self.name}: a gap of {steps[at]:.3g} s after t = {self.t[at]:.6f} s, other steps are {usual:.3g} s; "
                 "cut the log there and give both parts as two logs"
             )
-
-    def _label(self, column: int) -> str:
-        """Name of a column's joint, or its number."""
-        return f"joint {column + 1}" if self.joint_names is None else self.joint_names[column]
 
     def in_order(self, robot: Robot) -> Log:
         """This log with its columns in the order of a robot's joints.

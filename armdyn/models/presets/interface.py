@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -132,9 +133,11 @@ MOST_LETTERS = 1000
 """Most letters of a text in a preset."""
 
 KINDS = ("necessary", "recommended")
+TEXTS = ("name", "robot", "date")
+LISTS = ("sources", "not_public")
 
 
-def texts_of(table: Table, key: str) -> tuple[str, ...]:
+def _texts_of(table: Table, key: str) -> tuple[str, ...]:
     """A list of texts; empty where it is not given.
 
     Raises:
@@ -143,10 +146,10 @@ def texts_of(table: Table, key: str) -> tuple[str, ...]:
     values = table.values.get(key, [])
     if not isinstance(values, list) or not all(isinstance(one, str) for one in values):
         raise table.error(key, f"{table.called(key)} is {shown(values)}; it must be a list of texts")
-    return tuple(line_of(table, key, one) for one in values)
+    return tuple(_line_of(table, key, one) for one in values)
 
 
-def line_of(table: Table, key: str, value: str) -> str:
+def _line_of(table: Table, key: str, value: str) -> str:
     """A text that a terminal shows as one line."""
     if not value.isprintable() or len(value) > MOST_LETTERS:
         raise table.error(
@@ -155,10 +158,10 @@ def line_of(table: Table, key: str, value: str) -> str:
     return value
 
 
-def joints_of(table: Table) -> tuple[str, ...]:
+def _joints_of(table: Table) -> tuple[str, ...]:
     """Ends of the joints' names; empty texts where only their number is known."""
     if isinstance(table.values.get("joints"), list):
-        names = texts_of(table, "joints")
+        names = _texts_of(table, "joints")
     else:
         with table.at("joints"):
             names = ("",) * whole(table.values.get("joints"), table.called("joints"), 1, MOST_JOINTS)
@@ -167,7 +170,7 @@ def joints_of(table: Table) -> tuple[str, ...]:
     return names
 
 
-def limits_of(table: Table, joints: Sequence[str], key: str, known: Sequence[str]) -> dict[str, tuple[float, ...]]:
+def _limits_of(table: Table, joints: Sequence[str], key: str, known: Sequence[str]) -> dict[str, tuple[float, ...]]:
     """The rows of a table of limits, one number per joint each."""
     inner = table.table(key)
     inner.only(known)
@@ -188,18 +191,18 @@ def limits_of(table: Table, joints: Sequence[str], key: str, known: Sequence[str
     return found
 
 
-def taper_of(table: Table, joints: Sequence[str]) -> VelocityTaper | None:
+def _taper_of(table: Table, joints: Sequence[str]) -> VelocityTaper | None:
     """Velocity limits that depend on the position; None: none are given."""
     if "velocity_taper" not in table.values:
         return None
     known = ("lower", "upper", "gain", "offset")
-    rows = limits_of(table, joints, "velocity_taper", known)
+    rows = _limits_of(table, joints, "velocity_taper", known)
     if missing := [name for name in known if name not in rows]:
         raise table.error("velocity_taper", f"velocity_taper has no {missing[0]}; it needs {', '.join(known)}")
     return VelocityTaper(**rows)
 
 
-def interfaces_of(table: Table, limits: ControllerLimits) -> tuple[Interface, ...]:
+def _interfaces_of(table: Table, limits: ControllerLimits) -> tuple[Interface, ...]:
     """Command interfaces; each of their conditions must have a limit."""
     inner, found = table.table("interfaces"), []
     inner.only(COMMANDED)
@@ -212,9 +215,22 @@ def interfaces_of(table: Table, limits: ControllerLimits) -> tuple[Interface, ..
             rate = number(own.values["rate"], own.called("rate"), unit="Hz", sign="positive", most=MOST_RATE)
         conditions = {}
         for kind in KINDS:
-            conditions[kind] = texts_of(own, kind)
+            conditions[kind] = _texts_of(own, kind)
             for condition in conditions[kind]:
                 with own.at(kind):
                     limits.expect(condition)
         found.append(Interface(name, rate, **conditions))
     return tuple(found)
+
+
+def preset_fields(table: Table) -> dict[str, Any]:
+    """Fields of the `ControllerPreset` that a table describes."""
+    table.only((*TEXTS, *LISTS, "joints", "interface", "limits", "velocity_taper", "interfaces"))
+    found: dict[str, Any] = {key: _line_of(table, key, table.text(key, "")) for key in (*TEXTS, "interface")}
+    if not found["name"]:
+        raise table.error("name", f"{table.called('name')} is missing: the preset's name")
+    found |= {key: _texts_of(table, key) for key in LISTS}
+    joints = _joints_of(table)
+    limits = ControllerLimits(**_limits_of(table, joints, "limits", LIMITS), taper=_taper_of(table, joints))
+    with table.at("interfaces"):
+        return found | {"joints": joints, "limits": limits, "interfaces": _interfaces_of(table, limits)}

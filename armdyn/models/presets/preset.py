@@ -18,16 +18,13 @@ from armdyn.models.presets.check import ControllerCheck, check_points, controlle
 from armdyn.models.presets.interface import (
     KINDS,
     LIMITS,
+    LISTS,
+    TEXTS,
     UNITS,
     ControllerLimits,
     Interface,
     VelocityTaper,
-    interfaces_of,
-    joints_of,
-    limits_of,
-    line_of,
-    taper_of,
-    texts_of,
+    preset_fields,
 )
 from armdyn.parsing.toml import Table, read_toml
 from armdyn.reprs import brief
@@ -35,8 +32,6 @@ from armdyn.trajectory import Trajectory
 from armdyn.trajectory.planned import Planned
 
 _DATA = Path(__file__).parent / "data"
-_TEXTS = ("name", "robot", "date")
-_LISTS = ("sources", "not_public")
 
 
 @brief
@@ -116,15 +111,8 @@ class ControllerPreset:
 
     @classmethod
     def _from(cls, table: Table) -> Self:
-        table.only((*_TEXTS, *_LISTS, "joints", "interface", "limits", "velocity_taper", "interfaces"))
-        texts: dict[str, Any] = {key: line_of(table, key, table.text(key, "")) for key in (*_TEXTS, "interface")}
-        if not texts["name"]:
-            raise table.error("name", f"{table.called('name')} is missing: the preset's name")
-        lists: dict[str, Any] = {key: texts_of(table, key) for key in _LISTS}
-        joints = joints_of(table)
-        limits = ControllerLimits(**limits_of(table, joints, "limits", LIMITS), taper=taper_of(table, joints))
         with table.at("interfaces"):
-            return cls(joints=joints, limits=limits, interfaces=interfaces_of(table, limits), **texts, **lists)
+            return cls(**preset_fields(table))
 
     @classmethod
     def from_table(cls, table: Table, key: str) -> Self:
@@ -150,8 +138,8 @@ class ControllerPreset:
         """The keys of a TOML file or table that describes the preset."""
         named = all(self.joints)
         limits = {key: list(row) for key in LIMITS if (row := getattr(self.limits, key)) is not None}
-        written: dict[str, Any] = {key: getattr(self, key) for key in (*_TEXTS, "interface") if getattr(self, key)}
-        written |= {key: list(getattr(self, key)) for key in _LISTS if getattr(self, key)}
+        written: dict[str, Any] = {key: getattr(self, key) for key in (*TEXTS, "interface") if getattr(self, key)}
+        written |= {key: list(getattr(self, key)) for key in LISTS if getattr(self, key)}
         written |= {"joints": list(self.joints) if named else len(self.joints), "limits": limits}
         if self.limits.taper is not None:
             written["velocity_taper"] = {key: list(row) for key, row in asdict(self.limits.taper).items()}

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -60,8 +61,11 @@ def named_poses(robot: Arm) -> dict[str, Array]:
         if set(joints) <= {*robot.joint_names, *robot.locked}:
             poses |= _poses(((name, dict(zip(joints, q, strict=True))) for name, q in table.items()), robot.joint_names)
     for path in _files(robot):
-        poses |= _of_file(path, robot)
-    return poses | _of_keyframes(robot)
+        with suppress(ArmdynError):  # it was not requested; a bad file next to the URDF does not matter
+            poses |= _of_file(path, robot)
+    with suppress(ArmdynError):  # the MJCF has been changed since the robot was read
+        poses |= _of_keyframes(robot)
+    return poses
 
 
 def names_of(poses: Iterable[str]) -> str:
@@ -154,10 +158,7 @@ def _files(robot: Arm) -> list[Path]:
 
 def _of_file(path: Path, robot: Arm) -> dict[str, Array]:
     """The poses of an SRDF that are of the robot; groups may each have one of the same name."""
-    try:
-        root = parse_xml(read_urdf(path), str(path))
-    except ArmdynError:  # it was not requested; a bad file next to the URDF does not matter
-        return {}
+    root = parse_xml(read_urdf(path), str(path))
     if root.tag != "robot" or (root.get("name") != robot.model.name and path.stem != Path(robot.source).stem):
         return {}
     states = islice(root.iterfind("group_state"), _MOST_POSES)
@@ -174,10 +175,7 @@ def _of_keyframes(robot: Arm) -> dict[str, Array]:
 
     if robot.urdf or not os.path.isfile(robot.source) or not is_mjcf(robot.source):  # noqa: PTH113  # as in `_files`
         return {}
-    try:
-        keyframes = read_keyframes(read_mjcf(Path(robot.source)), robot.source, _MOST_POSES)
-    except ArmdynError:  # it has been changed since the robot was read
-        return {}
+    keyframes = read_keyframes(read_mjcf(Path(robot.source)), robot.source, _MOST_POSES)
     return _poses(keyframes.items(), robot.joint_names)
 
 
