@@ -19,30 +19,66 @@ from armdyn.optimal.program.assembly import Program
 
 
 @dataclass(frozen=True, eq=False)
-class CurveCost:
-    """Cost in seconds, quadratic except for products of durations and efforts.
+class TorquePrices:
+    """Cost of torques in seconds, quadratic except for products of durations and efforts.
 
     Attributes:
-        durations: indices of the durations, shape (legs,).
         duration_of_point: index of the duration of each point's leg, shape (points,).
         tie: price of squared torques, shape (points,) [s].
         effort: price of squared torques per duration, shape (points, joints) [-].
         steps: price of squared differences of the torques of neighbouring points of a leg, shape (points - 1,) [s].
-        moving: price of squared velocities or accelerations: matrix of shape (unknowns, unknowns) [s].
     """
 
-    durations: Index
     duration_of_point: Index
     tie: Array
     effort: Array
     steps: Array
-    moving: sp.csr_matrix
 
     def value(self, x: Array, tau: Array) -> float:
         """Cost of unknowns, shape (unknowns,), with their torques, shape (points, joints)."""
-        squares = self._prices(x) * tau**2
         steps = self.steps[:, None] * np.diff(tau, axis=0) ** 2
-        return float(np.sum(x[self.durations]) + (np.sum(squares) + np.sum(steps) + x @ (self.moving @ x)) / 2)
+        return float(np.sum(self._prices(x) * tau**2) + np.sum(steps)) / 2
+
+    def gradient(self, x: Array, at: TorqueParts) -> Array:
+        """Gradient in the unknowns, with dependent torques, shape (unknowns,)."""
+        gradient = self._prices(x) * at.tau
+        steps = self.steps[:, None] * np.diff(at.tau, axis=0)
+        gradient[1:] += steps
+        gradient[:-1] -= steps
+        out = at.jacobian.T @ gradient.ravel()
+        np.add.at(out, self.duration_of_point, np.sum(self.effort * at.tau**2, axis=1) / 2)
+        return np.asarray(out)
+
+    def squares(self, x: Array, at: TorqueParts) -> tuple[sp.csr_matrix, Array]:
+        """Rows and weights whose weighted squares are the Gauss-Newton Hessian of the cost."""
+        n, prices = at.tau.shape[1], self._prices(x).ravel()
+        if not np.any(self.steps):
+            return at.jacobian, prices
+        steps = at.jacobian[n:] - at.jacobian[:-n]
+        return sp.vstack([at.jacobian, steps], format="csr"), np.append(prices, np.repeat(self.steps, n))
+
+    def _prices(self, x: Array) -> Array:
+        return np.asarray(self.tie[:, None] + x[self.duration_of_point][:, None] * self.effort)
+
+
+@dataclass(frozen=True, eq=False)
+class CurveCost:
+    """Cost in seconds: durations, control points, torques.
+
+    Attributes:
+        durations: indices of the durations, shape (legs,).
+        moving: price of squared velocities or accelerations: matrix of shape (unknowns, unknowns) [s].
+        torques: prices of torques; None: torques are free.
+    """
+
+    durations: Index
+    moving: sp.csr_matrix
+    torques: TorquePrices | None = None
+
+    def value(self, x: Array, tau: Array) -> float:
+        """Cost of unknowns, shape (unknowns,), with their torques, shape (points, joints)."""
+        cost = float(np.sum(x[self.durations]) + x @ (self.moving @ x) / 2)
+        return cost if self.torques is None else cost + self.torques.value(x, tau)
 
     def gradient(self, x: Array, at: TorqueParts) -> Array:
         """Gradient in the unknowns, with dependent torques, shape (unknowns,)."""
@@ -50,34 +86,12 @@ class CurveCost:
         if at.lead is not None:
             out[self.durations] += at.lead @ out
         out[self.durations] += 1
-        if self._without_torques is None:
-            gradient = self._prices(x) * at.tau
-            steps = self.steps[:, None] * np.diff(at.tau, axis=0)
-            gradient[1:] += steps
-            gradient[:-1] -= steps
-            out += at.jacobian.T @ gradient.ravel()
-            np.add.at(out, self.duration_of_point, np.sum(self.effort * at.tau**2, axis=1) / 2)
-        return np.asarray(out)
-
-    def squares(self, x: Array, at: TorqueParts) -> tuple[sp.csr_matrix, Array]:
-        """Rows and weights whose weighted squares are the Gauss-Newton Hessian of the cost."""
-        if self._without_torques is not None:
-            return self._without_torques
-        n, prices = at.tau.shape[1], self._prices(x).ravel()
-        if not np.any(self.steps):
-            return at.jacobian, prices
-        steps = at.jacobian[n:] - at.jacobian[:-n]
-        return sp.vstack([at.jacobian, steps], format="csr"), np.append(prices, np.repeat(self.steps, n))
+        return np.asarray(out if self.torques is None else out + self.torques.gradient(x, at))
 
     @cached_property
-    def _without_torques(self) -> tuple[sp.csr_matrix, Array] | None:
-        """No squares; None: torques have a price."""
-        if any(np.any(price) for price in (self.tie, self.effort, self.steps)):
-            return None
+    def no_squares(self) -> tuple[sp.csr_matrix, Array]:
+        """No rows, and no weights."""
         return sp.csr_matrix((0, self.moving.shape[1])), np.empty(0)
-
-    def _prices(self, x: Array) -> Array:
-        return np.asarray(self.tie[:, None] + x[self.duration_of_point][:, None] * self.effort)
 
 
 def quadratic_form(shape: CurveLayout, squares: Sequence[Array], scales: Array) -> sp.csr_matrix:
@@ -256,12 +270,12 @@ class CurveProgram:
         if at.distances is not None:
             own = at.distances
             soft.append(SoftRows((-own.jacobian,), own.spare, own.samples, prices.distance))
-        nothing = np.zeros(at.x.size)
+        nothing, cost = np.zeros(at.x.size), self.cost
         return ConvexStep(
             place=self.place,
-            gradient=self.cost.gradient(at.x, at.torques) + self.smooth @ at.x,
+            gradient=cost.gradient(at.x, at.torques) + self.smooth @ at.x,
             curvature=self.curvature,
-            squares=self.cost.squares(at.x, at.torques),
+            squares=cost.no_squares if cost.torques is None else cost.torques.squares(at.x, at.torques),
             bounds=(nothing, nothing),
             hard=hard,
             soft=tuple(soft),

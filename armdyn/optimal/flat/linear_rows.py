@@ -94,12 +94,7 @@ class DerivativeRows:
 
     @classmethod
     def of(
-        cls,
-        bases: Sequence[Basis],
-        shape: CurveLayout,
-        order: int,
-        scales: Array,
-        bounds: tuple[Array, Array],
+        cls, bases: Sequence[Basis], shape: CurveLayout, order: int, scales: Array, bounds: tuple[Array, Array]
     ) -> Self:
         """Rows of all legs, by control point and joint.
 

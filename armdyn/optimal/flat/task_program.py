@@ -5,7 +5,7 @@ import scipy.sparse as sp
 
 from armdyn.arrays import Array, Index
 from armdyn.optimal.flat.curve import Curve
-from armdyn.optimal.flat.curve_program import CurveCost, CurveProgram, OtherRows, quadratic_form
+from armdyn.optimal.flat.curve_program import CurveCost, CurveProgram, OtherRows, TorquePrices, quadratic_form
 from armdyn.optimal.flat.equations import POINTS
 from armdyn.optimal.flat.linear_rows import DerivativeRows, TorqueRows, clearance_rows
 from armdyn.optimal.flat.nlp_data import CurveSpec, finite, rate_limits, rows_of, travel_scales
@@ -35,14 +35,14 @@ def curve_cost(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) ->
         each = zip(spec.travel * times / n, guess.legs, strict=True)
         squared = [price * leg.basis.squared(1, POINTS) for price, leg in each]
         moving = quadratic_form(shape, squared, travel_scales(task, guess))
-    return CurveCost(
-        durations=np.array([shape.duration(k) for k in shape.legs]),
+    torques = TorquePrices(
         duration_of_point=np.repeat([shape.duration(k) for k in shape.legs], sizes),
         tie=parts * np.repeat(spec.smooth * times / n, sizes),
         effort=parts[:, None] * squares,
         steps=steps,
-        moving=moving,
     )
+    priced = spec.smooth or spec.steps or task.problem.pays_effort
+    return CurveCost(np.array([shape.duration(k) for k in shape.legs]), moving, torques if priced else None)
 
 
 def other_equations(shape: CurveLayout, count: int) -> Index:

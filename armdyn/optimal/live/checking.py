@@ -44,10 +44,6 @@ class SampledCurve:
         """Largest excess of a torque, as a part of half its range."""
         return float(max(np.max(self.upper), np.max(self.lower)))
 
-    def kept(self, spare: float, tolerance: float) -> bool:
-        """Whether torques keep a reserve, as a part of half their ranges, and other limits hold within a tolerance."""
-        return self.torque <= -spare and self.other <= tolerance
-
 
 def check(live: LiveProblem, leg: CurveLeg) -> SampledCurve:
     """Check a curve at its samples."""
@@ -74,7 +70,7 @@ def motion_of(live: LiveProblem, sampled: SampledCurve, name: str) -> Trajectory
 
 def within_limits(live: LiveProblem, sampled: SampledCurve) -> bool:
     """Whether a curve satisfies all limits and distances."""
-    kept = sampled.kept(live.numbers.live.least_reserve, LIMIT_TOLERANCE)
+    kept = sampled.torque <= -live.numbers.live.least_reserve and sampled.other <= LIMIT_TOLERANCE
     kept = kept and between_samples(sampled, live.problem.limits, live.inertia) <= LIMIT_TOLERANCE
     return kept and live.clear(motion_of(live, sampled, "checked"))
 

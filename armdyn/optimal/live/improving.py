@@ -12,7 +12,7 @@ from armdyn.optimal.flat.curve_program import Iterate
 from armdyn.optimal.flat.nlp_data import TorqueMargin
 from armdyn.optimal.landing.limit_violations import least_factor
 from armdyn.optimal.live.checking import SampledCurve, check, motion_of, within_limits
-from armdyn.optimal.live.program import LiveProblem, ProgramStep, StepControl
+from armdyn.optimal.live.program import LiveProblem, ProgramStep
 
 Guess = tuple[CurveLeg, TorqueMargin]
 """Initial curve, and torque margins."""
@@ -51,24 +51,24 @@ def improve(live: LiveProblem, guesses: Sequence[Guess], until: float) -> tuple[
     policy = live.numbers.live
     best, k, over, began = None, 0, 0, time.perf_counter()
     # By the longest guess: the price would be zero for the rest of a motion that ends here.
-    control = StepControl(1.0, policy.torque * max(leg.duration for leg, _ in guesses))
+    reach, price = 1.0, policy.torque * max(leg.duration for leg, _ in guesses)
     starts = [(live.at(leg), margins) for leg, margins in guesses]
-    here, margins = min(starts, key=lambda one: live.merit(one[0], one[1], control.price))
+    here, margins = min(starts, key=lambda one: live.merit(one[0], one[1], price))
     step_time = time.perf_counter() - began
     while k < policy.steps and (began := time.perf_counter()) + step_time < until - policy.hand_over:
         k += 1
-        step, before = live.step(here, margins, control), live.leg(here.x).duration
+        step, before = live.step(here, margins, reach, price), live.leg(here.x).duration
         longer = np.inf if step is None else step.leg.duration - before
-        unmet = step is not None and step.promised - step.leg.duration > policy.unmet * control.price
-        here, reach = _step_taken(live, here, step, margins, control, k <= policy.eager)
+        unmet = step is not None and step.promised - step.leg.duration > policy.unmet * price
+        here, reach = _step_taken(live, here, step, margins, reach, price, k <= policy.eager)
         leg = live.leg(here.x)
         sampled = check(live, leg)
         over += sampled.torque > -policy.least_reserve and not unmet
-        price = policy.price_growth * control.price if unmet else control.price
-        control = StepControl(min(reach, policy.step_factor ** max(over - policy.excess_steps, 0)), price)
+        price *= policy.price_growth if unmet else 1.0
+        reach = min(reach, policy.step_factor ** max(over - policy.excess_steps, 0))
         settled = abs(longer) <= policy.enough * leg.duration
         if (best is None or leg.duration < best.duration or settled) and within_limits(live, sampled):
-            best = Improved(leg.duration, sampled, margins, settled and control.reach >= policy.stuck)
+            best = Improved(leg.duration, sampled, margins, settled and reach >= policy.stuck)
             if settled:
                 break
         if best is None and not np.any(live.v) and k > policy.eager:
@@ -83,7 +83,8 @@ def _step_taken(
     here: Iterate,
     step: ProgramStep | None,
     margins: TorqueMargin,
-    control: StepControl,
+    reach: float,
+    price: float,
     eager: bool,
 ) -> tuple[Iterate, float]:
     """The next curve, or the same one if the step increases the merit; and the next step's size.
@@ -95,14 +96,15 @@ def _step_taken(
         here: the present curve.
         step: solution of the quadratic program there; None: it was not solved.
         margins: torque margins of the merit.
-        control: size of the step, and price of torques.
+        reach: size of the step as a part of the greatest one.
+        price: price of a torque beyond its limit by half its range [s].
         eager: whether a step that increases the merit is taken, too.
     """
-    policy, usual, reach = live.numbers.live, live.numbers.sequential, control.reach
+    policy, usual = live.numbers.live, live.numbers.sequential
     if step is None:
         return here, max(reach / usual.shrink, policy.least_reach)
     there = live.at(step.leg)
-    before, after = live.merit(here, margins, control.price), live.merit(there, margins, control.price)
+    before, after = live.merit(here, margins, price), live.merit(there, margins, price)
     little = policy.enough * live.leg(here.x).duration
     if after > before + little and not eager:
         return here, max(step.part / usual.shrink, policy.least_reach)

@@ -92,19 +92,6 @@ _IN_FLIGHT = 1e-5
 """Reserve of the velocity limits, as a part of them: programs are solved to a tenth of it."""
 
 
-@dataclass(frozen=True)
-class StepControl:
-    """Size of the trust region, and the price of excess torques.
-
-    Attributes:
-        reach: size of the trust region as a part of the greatest step.
-        price: price of a torque beyond its limit by half its range [s].
-    """
-
-    reach: float
-    price: float
-
-
 @dataclass(frozen=True, eq=False)
 class ProgramStep:
     """Step of a quadratic program.
@@ -225,16 +212,17 @@ class LiveProblem:
         lower, upper = self.problem.limits.actuators.range(at.torques.q, at.torques.v)
         return lower / self.half + margins.lower, upper / self.half - margins.upper
 
-    def step(self, at: Iterate, margins: TorqueMargin, control: StepControl) -> ProgramStep | None:
+    def step(self, at: Iterate, margins: TorqueMargin, reach: float, price: float) -> ProgramStep | None:
         """Solve the quadratic program of a step; None: not solved.
 
         Args:
             at: the linearised curve.
             margins: torque margins.
-            control: size of the step, and price of torques.
+            reach: size of the trust region as a part of the greatest step.
+            price: price of a torque beyond its limit by half its range [s].
         """
-        policy, program, reach = self.numbers.sequential, self.program, control.reach
-        step = program.step_program(at, self.torque_limits(at, margins), self._prices(at, control.price))
+        policy, program = self.numbers.sequential, self.program
+        step = program.step_program(at, self.torque_limits(at, margins), self._prices(at, price))
         curvature = with_values(step.curvature, (1 + self.numbers.live.proximal / reach) * step.curvature.data)
         durations = reach * policy.faster, reach * policy.slower
         step = program.within(replace(step, curvature=curvature), at.x, reach * policy.trust, durations)
@@ -267,7 +255,7 @@ def _curve_program(problem: MinimumTimeProblem, policy: LivePolicy, mesh: Places
     """Program of curves on a mesh, within a problem's limits."""
     limits, n = problem.limits, problem.robot.nv
     shape = CurveLayout(n, (mesh.basis.intervals,))
-    points, duration, count = shape.points(0), shape.duration(0), mesh.places.size
+    points, duration = shape.points(0), shape.duration(0)
     lower, upper, free = np.full(shape.size, -np.inf), np.full(shape.size, np.inf), np.zeros(shape.size, dtype=bool)
     lower[points], upper[points] = limits.position_lower, limits.position_upper
     free[points[2:-2]] = free[duration] = True
@@ -282,15 +270,7 @@ def _curve_program(problem: MinimumTimeProblem, policy: LivePolicy, mesh: Places
     if np.any(np.isfinite(acceleration)):
         rows.append(rates(2, acceleration * (1 - policy.acceleration_reserve)))
     squares = policy.smooth * mesh.basis.squared(2, POINTS)
-    nothing = np.zeros((count, n))
-    cost = CurveCost(
-        durations=np.array([duration]),
-        duration_of_point=np.full(count, duration),
-        tie=nothing[:, 0],
-        effort=nothing,
-        steps=nothing[1:, 0],
-        moving=quadratic_form(shape, [squares], finite(limits.velocity)),
-    )
+    cost = CurveCost(np.array([duration]), quadratic_form(shape, [squares], finite(limits.velocity)))
     return CurveProgram(
         shape=shape,
         torque_rows=_torque_rows(problem, mesh, shape),
