@@ -71,13 +71,13 @@ def open_page(chromium, path, width=1280, height=800, ready="window.armdyn !== u
     """A page, once its scripts say that it is ready, its requests (URLs) and its errors; by default a replay's.
 
     It has a profile of its own, without a network. The arm moves in the scene, but only where pictures are compared
-    (`drawn`) is the scene rendered.
+    (`drawn`) is the scene rendered, and in more than 20 frames a second.
     """
     requests, errors = [], []
     context = chromium.new_context(viewport={"width": width, "height": height}, offline=True)
     try:
         if not drawn:
-            context.add_init_script(UNDRAWN)
+            context.add_init_script(UNDRAWN + FEW_FRAMES)
         page = context.new_page()
         session = context.new_cdp_session(page)
         session.send("Network.enable")
