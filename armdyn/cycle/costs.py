@@ -100,7 +100,7 @@ def _solved(solution: CycleSolution, options: MinimumTimeOptions, report: Callab
         for one in legs:
             for condition, move in _simpler(one.leg.move):
                 report(f"step {one.leg.step} ({one.leg.name}) without its {condition}")
-                duration = _duration(cycle, replace(one.leg, move=move), one, options)
+                duration = _solve(cycle, replace(one.leg, move=move), one.solution.problem.poses[[0, -1]], options)
                 yield CycleCost(one.leg.step, one.leg.name, f"its {condition}", _saving(one.duration, duration))
         for stop, (first, second) in zip(cycle.stops[1:], pairwise(legs), strict=False):
             if not stop.rests:
@@ -113,7 +113,9 @@ def _solved(solution: CycleSolution, options: MinimumTimeOptions, report: Callab
             report("every move with the heaviest payload")
             arm = max(cycle.arms, key=lambda arm: arm.payload.mass if arm.payload else 0.0)
             found = [
-                one.duration if one.leg.robot is arm else _duration(cycle, replace(one.leg, robot=arm), one, options)
+                one.duration
+                if one.leg.robot is arm
+                else _solve(cycle, replace(one.leg, robot=arm), one.solution.problem.poses[[0, -1]], options)
                 for one in legs
             ]
             total = None if None in found else sum(time for time in found if time is not None) + cycle.dwell
@@ -140,12 +142,8 @@ def _simpler(move: Move) -> Iterator[tuple[str, Move]]:
         yield f"speed of {move.speed:g} m/s", replace(move, speed=None)
 
 
-def _duration(cycle: Cycle, leg: Leg, solved: CycleLeg, options: MinimumTimeOptions) -> float | None:
-    """Duration of a changed leg between the joint positions of a solved one [s]; None: no motion was found."""
-    return _solve(cycle, leg, solved.solution.problem.poses[[0, -1]], options)
-
-
 def _solve(cycle: Cycle, leg: Leg, ends: Array, options: MinimumTimeOptions) -> float | None:
+    """Duration of a leg between joint positions, shape (2, nv) [s]; None: no motion was found."""
     try:
         found = solve_minimum_time(problem_of(cycle, leg, *ends), options)
     except CycleError:

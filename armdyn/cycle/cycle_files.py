@@ -12,14 +12,12 @@ from armdyn.arguments import shown
 from armdyn.cycle.cycle import CONDITIONS, Cycle
 from armdyn.cycle.steps import Grasp, Move, Release, Step, Straight, Wait
 from armdyn.errors import CycleError, ProblemError, did_you_mean
-from armdyn.models.robots.poses import positions_of
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.obstacles import PAYLOAD_KEYS, payload_from
-from armdyn.models.scene.reaching import GoalPose
 from armdyn.models.values.spec import Payload
 from armdyn.optimal import problem_files
 from armdyn.optimal.problem.robot_tables import robot_from
-from armdyn.optimal.problem_files import conditions_from, goal_pose_from, only_tables
+from armdyn.optimal.problem_files import conditions_from, only_tables, place_from, via_from
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.parsing.toml import Table, read_toml
 
@@ -95,7 +93,7 @@ def cycle_from(file: Table, robot: Robot) -> Cycle:
         if "start" not in table.values:
             raise ProblemError("[cycle] has no start: joint positions, a pose's name, or a goal pose")
         given = conditions_from(table, robot)
-        start = _place(table, "start", robot)
+        start = place_from(table, "start", robot)
         with locating_steps(file):
             return Cycle(robot, **{**given, "start": start, "steps": steps})
 
@@ -152,24 +150,14 @@ def _move(table: Table, robot: Robot) -> Move:
     given = conditions_from(table, robot)
     if "to" not in given:
         raise table.error("move", "a move has no key 'to': joint positions, a pose's name, or a goal pose")
-    via = given.get("via", [])
-    if not isinstance(via, list):
-        raise ProblemError(f"via is {shown(via)}; it must be a list of places")
     return Move(
-        _place(table, "to", robot),
+        place_from(table, "to", robot),
         name=given["move"],
-        via=[_place(Table(table.path, {"via": one}, table.lines, table.within), "via", robot) for one in via],
+        via=via_from(table, robot) if "via" in given else (),
         retreat=_straight(table, "retreat"),
         approach=_straight(table, "approach"),
         **{key: given[key] for key in ("speed", *_CONDITIONS) if key in given},
     )
-
-
-def _place(table: Table, key: str, robot: Robot) -> list[float] | GoalPose:
-    """Joint positions or a goal pose."""
-    if isinstance(table.values[key], dict):
-        return goal_pose_from(table.table(key), robot)
-    return positions_of(robot, table.values[key], key)
 
 
 def _straight(table: Table, key: str) -> Straight | None:

@@ -133,13 +133,7 @@ def _arguments(table: Table, robot: Robot) -> dict[str, Any]:
     if "q_start" not in given:
         raise table.error("", f"[problem] has no q_start: {robot.nv} positions of {', '.join(robot.joint_names)}")
     if "via" in given:
-        vias = [(f"via[{i}]", one) for i, one in enumerate(_listed(table, "via"))]
-        given["via"] = [
-            goal_pose_from(replace(table, values=one, within=(*table.within, "via")), robot, name)
-            if isinstance(one, Mapping)
-            else positions_of(robot, one, "via")
-            for name, one in vias
-        ]
+        given["via"] = via_from(table, robot)
     if "goal_pose" in given:
         given["goal_pose"] = goal_pose_from(table.table("goal_pose"), robot)
     return given
@@ -203,6 +197,33 @@ def _constraint_from(table: Table, entry: object, robot: Robot, name: str) -> Pa
     own = replace(table, values=entry, within=(*table.within, "path_constraints"))
     own.only(("region", "leg"))
     return FrameRegion(goal_pose_from(replace(own, values=entry["region"]), robot, f"{name}.region"), entry.get("leg"))
+
+
+def via_from(table: Table, robot: Robot) -> list[list[float] | GoalPose]:
+    """The via points of a table: joint positions, and goal poses or regions.
+
+    Raises:
+        ProblemError: they are no list, or one of them is wrong.
+    """
+    listed = enumerate(_listed(table, "via"))
+    return [place_from(replace(table, values={"via": one}), "via", robot, f"via[{i}]") for i, one in listed]
+
+
+def place_from(table: Table, key: str, robot: Robot, name: str = "") -> list[float] | GoalPose:
+    """Joint positions [rad or m] by a key of a table, or a goal pose or region.
+
+    Args:
+        table: table with the key.
+        key: of the place.
+        robot: the arm.
+        name: name of a goal pose in messages; empty: the key.
+
+    Raises:
+        ProblemError: they are wrong.
+    """
+    if isinstance(table.values[key], Mapping):
+        return goal_pose_from(table.table(key), robot, name or key)
+    return positions_of(robot, table.values[key], key)
 
 
 def goal_pose_from(table: Table, robot: Robot, name: str = "goal_pose") -> GoalPose:

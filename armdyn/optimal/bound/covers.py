@@ -54,7 +54,7 @@ def covers(
             position = _of_one_turn(position, velocity, own[0].dynamics.robot.slides, longest)
         within = Within(ends, velocity, position, longest)
         goals = GoalSet(own[0].dynamics, place, within, own[0].policy)
-        whole = goals.whole if goals.closed else None
+        whole = goals.whole
         sets.append(None if whole is None else goals)
         boxes.append(within.box[None] if whole is None else whole)
     tried = [boxes]

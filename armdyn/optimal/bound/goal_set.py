@@ -118,11 +118,6 @@ class GoalSet:
         return replace(self, within=replace(self.within, duration=duration))
 
     @property
-    def closed(self) -> bool:
-        """Whether equations enclose the set."""
-        return is_closed(self.goal)
-
-    @property
     def continuous(self) -> bool:
         """Whether the set is a continuum rather than isolated joint positions."""
         return any(self.goal.tolerance) or self.dynamics.nv > np.sum(np.isfinite(self.goal.deviations))
@@ -135,9 +130,14 @@ class GoalSet:
 
     @property
     def whole(self) -> Interval | None:
-        """One box, shape (1, nv), that encloses the set up to whole turns; None if the set is not bounded."""
+        """One box, shape (1, nv), that encloses the set up to whole turns.
+
+        None if the set is not bounded, or no equations enclose it.
+        """
         box, ends = self.within.box, self.within.ends
-        if np.any(np.isinf((box.upper - box.lower)[self.turning & np.isfinite(self.within.velocity)])):
+        if not is_closed(self.goal) or np.any(
+            np.isinf((box.upper - box.lower)[self.turning & np.isfinite(self.within.velocity)])
+        ):
             return None  # unbounded number of turns
         middle = (ends[0] if ends else np.zeros(self.dynamics.nv)) + _SEAM
         lower = np.where(self.turning, down(middle - np.pi), box.lower)

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from armdyn.arguments import StopCondition
+from armdyn.arguments import StopCondition, expect
 from armdyn.arrays import Array, Flags
 from armdyn.optimal.bound.effort import Edge, Effort, polled
 from armdyn.optimal.bound.goal_set import GoalSet
@@ -62,14 +62,12 @@ class Region:
         return float(np.max(self.hull.radius))
 
     def halves(self, stop: StopCondition) -> list[Region]:
-        """Bisect the region and tighten the halves, if possible."""
-        if self.goals is None:
-            return [self]
-        boxes = self.boxes
+        """Bisect a region of a goal set, and tighten the halves if possible."""
+        goals, boxes = expect(self.goals, GoalSet, "goals"), self.boxes
         if len(boxes.lower) == 1:
-            reach = float(np.max((boxes.upper - boxes.lower) * self.goals.levers))
-            boxes = self.goals.enclosed(boxes, reach / 2, stop)
-        return [Region(part, self.goals) for part in self.goals.cut(boxes)] if len(boxes.lower) else []
+            reach = float(np.max((boxes.upper - boxes.lower) * goals.levers))
+            boxes = goals.enclosed(boxes, reach / 2, stop)
+        return [Region(part, goals) for part in goals.cut(boxes)] if len(boxes.lower) else []
 
 
 def shortest_times(leg: BoundLeg, starts: Sequence[Region], goals: Sequence[Region]) -> Array:

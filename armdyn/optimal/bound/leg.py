@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linprog
+from scipy.sparse import csc_matrix
 
 from armdyn.arrays import Array
 from armdyn.dynamics.symbolic import Dynamics
@@ -12,10 +12,14 @@ from armdyn.models.values.friction import JointFriction
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.bound.enclosure import Affine, terms_over
 from armdyn.optimal.bound.interval import Interval, down, joined, rounding
+from armdyn.optimal.bound.linear_program import marginals_in_boxes
 from armdyn.optimal.path_constraints.registry import path_constraints_of
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.profile import Profiles
 from armdyn.optimal.task.policy.bound import BoundPolicy
+
+_CONVERGED = 1e-9
+"""Tolerance of the best combination of an end's equations, relative to the largest weight."""
 
 _ROUNDED = 1e-12
 """Part by which a time in closed form is reduced: its twenty operations err by 1e-15 each."""
@@ -64,19 +68,16 @@ class LegEnd:
 
 
 def _combination(sought: Array, centre: Array, gradient: Array, rest: Array) -> Array:
-    """The minimiser w of Σ |sought − Sᵀ w| + wᵀ centre + Σ rest |w|, shape (m,)."""
-    count, size = len(sought), float(np.max(np.abs(sought)))
+    """The minimiser w of Σ |sought − Sᵀ w| + wᵀ centre + Σ rest |w|, shape (m,).
+
+    It consists of the marginals of S ε + r = −centre at the least soughtᵀ ε over |ε| ≤ 1, |r| ≤ rest.
+    """
+    size, most = float(np.max(np.abs(sought))), np.concatenate([np.ones(len(sought)), rest])
     if size == 0:
         return np.zeros_like(centre)
-    both = np.hstack([-gradient.T, gradient.T])
-    found = linprog(
-        np.concatenate([rest + centre, rest - centre, np.ones(count)]),
-        A_ub=np.block([[both, -np.eye(count)], [-both, -np.eye(count)]]),
-        b_ub=np.concatenate([-sought, sought]) / size,
-        method="highs",
-    )
-    forward, backward = np.split(found.x[:-count], 2) if found.status == 0 else (0.0 * centre, 0.0 * centre)
-    return np.asarray(size * (forward - backward))
+    matrix, cost = csc_matrix(np.hstack([gradient, np.eye(len(rest))])), np.append(sought / size, np.zeros(len(rest)))
+    found, w = marginals_in_boxes(matrix, -centre, cost, np.stack([-most, most], axis=1), _CONVERGED)
+    return size * w if found else np.zeros_like(centre)
 
 
 @dataclass(frozen=True, eq=False)

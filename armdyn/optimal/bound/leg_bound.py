@@ -239,7 +239,7 @@ def _enclosed(leg: BoundLeg, region: BoundRegion, longest: float, stop: StopCond
     """A box of all joint positions in a region that a motion passes within a duration [s]; None: there are none."""
     within = Within((leg.start.q.centre, leg.goal.q.centre), leg.velocity, leg.position, longest)
     goals, box = GoalSet(leg.dynamics, region.goal, within, leg.policy), within.box
-    boxes = goals.whole if goals.closed and not np.any(leg.start.q.radius) and not np.any(leg.goal.q.radius) else None
+    boxes = None if np.any(leg.start.q.radius) or np.any(leg.goal.q.radius) else goals.whole
     if boxes is not None:
         for size in leg.policy.region_sizes:
             boxes = goals.enclosed(boxes, size, stop)

@@ -42,8 +42,6 @@ def pose_bound(problem: MinimumTimeProblem, leg: BoundLeg, stop: StopCondition) 
     numbers, pose = leg.policy, expect(problem.goal_pose, GoalPose, "goal_pose")
     within = Within((leg.start.q.lower,), leg.velocity, leg.position, np.inf)
     goals = GoalSet(leg.dynamics, pose, within, numbers)
-    if not goals.closed:
-        return 0.0, 0, 0.0  # no closure equations with a position that is free along an axis
     nearby = (replace(leg, goal=replace(leg.goal, q=Interval.at(q))) for q in problem.goals)
     near = min(nearby, key=lambda one: one.shortest)
     kinematic = _kinematic(goals, near.shortest, stop)
