@@ -135,9 +135,9 @@ class GoalSet:
         None if the set is not bounded, or no equations enclose it.
         """
         box, ends = self.within.box, self.within.ends
-        if not is_closed(self.goal) or np.any(
-            np.isinf((box.upper - box.lower)[self.turning & np.isfinite(self.within.velocity)])
-        ):
+        if not is_closed(self.goal):
+            return None
+        if np.any(np.isinf((box.upper - box.lower)[self.turning & np.isfinite(self.within.velocity)])):
             return None  # unbounded number of turns
         middle = (ends[0] if ends else np.zeros(self.dynamics.nv)) + _SEAM
         lower = np.where(self.turning, down(middle - np.pi), box.lower)

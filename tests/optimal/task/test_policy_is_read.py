@@ -222,7 +222,8 @@ def bounds_of_a_pose():
 def bound_of_a_chain():
     """To any joint positions of a pose, and back, slower than it could be: so that there is something to improve."""
     problem = between("rr", velocity_limit=10.0)
-    stops = [POSES["rr"][0], ad.GoalPose("tip", [0.35, 0, 0.1]), POSES["rr"][0]]
+    home = np.array(POSES["rr"][0])
+    stops = [home, ad.GoalPose("tip", [0.35, 0, 0.1]), home]
     chain_bound([problem, problem], stops, 1.0, Effort(600), Noted.of(problem).bound)
 
 
