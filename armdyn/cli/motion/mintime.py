@@ -25,8 +25,22 @@ _WATCHED = 1.0
 """Simulated time of likely arms [s], or after a longer motion: they are many, and near to the model."""
 
 
+class ToMinimumTimeOptions:
+    """A group whose options are fields of `MinimumTimeOptions`, perhaps among others."""
+
+    def options(self, of_file: Mapping[str, Any] = MappingProxyType({})) -> ad.MinimumTimeOptions:
+        """The solver's options.
+
+        Args:
+            of_file: options of a problem file, by name; those that are typed go first.
+        """
+        known = {one.name for one in fields(ad.MinimumTimeOptions)}
+        chosen = {**vars(self), **of_file, **given(self)}
+        return ad.MinimumTimeOptions(**{name: value for name, value in chosen.items() if name in known})
+
+
 @group(SOLVER)
-class SolverOptions:
+class SolverOptions(ToMinimumTimeOptions):
     """Extent of the search; see `MinimumTimeOptions`."""
 
     search: SearchLevel = option(
@@ -45,16 +59,6 @@ class SolverOptions:
         "N", "Intervals of the finest mesh, used where a coarser one is not enough.", default=160
     )
     seed: int = option("N", "Seed of the random guesses.", default=0)
-
-    def options(self, of_file: Mapping[str, Any] = MappingProxyType({})) -> ad.MinimumTimeOptions:
-        """The solver's options.
-
-        Args:
-            of_file: options of a problem file, by name; those that are typed go first.
-        """
-        known = {one.name for one in fields(ad.MinimumTimeOptions)}
-        chosen = {**vars(self), **of_file, **given(self)}
-        return ad.MinimumTimeOptions(**{name: value for name, value in chosen.items() if name in known})
 
 
 @group()

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from typing import Any, ClassVar
+from collections.abc import Collection
+from typing import ClassVar
 
-import armdyn as ad
 from armdyn import models
 from armdyn.cli.console import Answer
+from armdyn.cli.motion.mintime import ToMinimumTimeOptions
 from armdyn.cli.motion.require import REQUIRE, requirements_of
 from armdyn.cli.options.groups import ROBOT, SOLVER, Numbers, argument, given, group, option
 from armdyn.cli.options.results import FigureOptions
@@ -45,19 +45,11 @@ class PayloadsOptions:
 
 
 @group(SOLVER)
-class SweepOptions:
+class SweepOptions(ToMinimumTimeOptions):
     """Extent of the search for each payload; see `MinimumTimeOptions`."""
 
     starts: int | None = option("N", "Guesses of every search; by default the first has mintime's, the others few.")
     time_limit: float = option("S", "Time limit for each payload \\[s].", default=300.0)
-
-    def options(self, of_file: Mapping[str, Any]) -> ad.MinimumTimeOptions:
-        """Options of every search.
-
-        Args:
-            of_file: options of a problem file, by name; those of the command line go first.
-        """
-        return ad.MinimumTimeOptions(**{"time_limit": self.time_limit, **of_file, **given(self)})
 
 
 @group()
