@@ -70,9 +70,8 @@ def bodies(robot: Robot) -> tuple[Body, ...]:
         found: list[Body] = []
         for name, frame, element in elements_on_frames(robot, root, tag):
             where = f"{robot.source}: link {name!r} cannot be kept clear of anything"
-            with reraised(
-                ProblemError, where, Exception
-            ):  # any error of a foreign mesh: without it contacts are unknown
+            # Any error of a foreign mesh: without it contacts are unknown.
+            with reraised(ProblemError, where, Exception):
                 at = frame.placement.homogeneous @ origin(element)
                 shapes = list(_shapes(element, robot.package_dirs))
             found += [_body(name, frame, at, geometry, balls) for geometry, balls in shapes]
