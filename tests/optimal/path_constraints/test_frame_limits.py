@@ -144,16 +144,21 @@ def pick_and_place():
     return ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal, via=via, path_constraints=regions)
 
 
+@cache
+def picked_and_placed():
+    return solve(pick_and_place(), **ONCE)
+
+
 @pytest.mark.slow
 def test_a_straight_retreat_and_approach_are_straight():
-    problem = pick_and_place()
-    solution = solve(problem, **ONCE)
+    problem, solution = pick_and_place(), picked_and_placed()
     robot, motion, (first, last) = problem.robot, solution.trajectory, solution.via_times
     model, data, frame = robot.model, robot.model.createData(), robot.model.getFrameId("tool0")
     heights = {}
-    for t in np.linspace(0, motion.duration, 5000):
+    times = np.linspace(0, motion.duration, 5000)
+    for t, q in zip(times, motion(times).q, strict=True):
         y = -0.15 if t <= first else 0.15
-        pin.framesForwardKinematics(model, data, robot.configuration(motion(t).q))
+        pin.framesForwardKinematics(model, data, robot.configuration(q))
         off = above(y).actInv(data.oMf[frame])
         heights[t] = data.oMf[frame].translation[2]
         if first < t < last:
@@ -181,7 +186,7 @@ def test_a_part_is_lifted_from_its_table_over_a_wall():
     solution = solve(problem, **ONCE)
     assert solution.clearance.sure and solution.clearance.distance > 1e-3 - 2e-4
     assert all(report.share <= 1 + 1e-6 for report in solution.constraint_reports if report.share)
-    assert solution.duration < 1.05 * solve(free, **ONCE).duration
+    assert solution.duration < 1.05 * picked_and_placed().duration
 
 
 def test_files_keep_frame_regions(tmp_path):

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicHermiteSpline
 
 import armdyn as ad
 from armdyn.optimal.landing.rollout import replay_of
@@ -86,10 +87,11 @@ def test_another_integrator_and_pinocchio_lead_to_the_same_costates():
     robot, n = FAST.robot, 2
     data = robot.model.createData()
     assert np.any(costates.held)
+    q = CubicHermiteSpline(replay.t, replay.q, replay.v)
+    v = q.derivative()
 
     def down(t, rho, tau, held):
-        at = replay(min(t, replay.duration))
-        pin.computeABADerivatives(robot.model, data, at.q, at.v, tau)
+        pin.computeABADerivatives(robot.model, data, q(t), v(t), tau)
         return -np.concatenate([data.ddq_dq.T @ rho[n:], rho[:n] + data.ddq_dv.T @ rho[n:]]) - held
 
     rho = costates.costate[-1]
