@@ -18,6 +18,7 @@ from armdyn.optimal.path_constraints.goal_region import GoalRegion
 from armdyn.optimal.path_constraints.rows import RowValues, StageRows, intervals_of, spread
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.path_constraints.torque_limits import TorqueSpeedLimit
+from armdyn.optimal.problem.checks import held
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.solve.solver import NlpData
 from armdyn.optimal.task.task import Task
@@ -247,9 +248,8 @@ def _torque_rates(task: Task, spec: CurveSpec, guess: Curve) -> Iterator[_Equati
     starts = problem.q_start, problem.v_start, places[0][0], bounds[0][0]
     ends = problem.q_goal, problem.v_goal, 1 - places[-1][-1], bounds[-1][-1]
     for q, v, part, bound in (starts, ends):
-        hold = problem.robot.holding_torque(np.asarray(q))
-        held = limits.actuators.allows(hold, np.asarray(q), np.asarray(v)) & (not np.any(v))
-        free = np.where(held, bound, np.inf)
+        hold, supplied = held(problem.robot, limits, np.asarray(q), np.asarray(v))
+        free = np.where(supplied, bound, np.inf)
         yield np.concatenate([hold / half, [part], over]), -free, free
 
 
@@ -276,8 +276,7 @@ def _begins_gently(problem: MinimumTimeProblem, q: Array) -> bool:
     """Whether acceleration is zero at rest: jerks are limited, or torques begin at the holding torques."""
     if problem.jerk_limit is not None or not problem.continuous_torque:
         return problem.jerk_limit is not None
-    hold = problem.robot.holding_torque(q)
-    return bool(np.all(problem.limits.actuators.allows(hold, q, np.zeros_like(q))))
+    return bool(np.all(held(problem.robot, problem.limits, q, np.zeros_like(q))[1]))
 
 
 def _rows(task: Task, guess: Curve, constraints: TightenedConstraints) -> Iterator[_Equations]:

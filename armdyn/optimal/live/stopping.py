@@ -10,6 +10,7 @@ from armdyn.optimal.flat.nlp_data import TorqueMargin
 from armdyn.optimal.landing.limit_violations import limit_violation
 from armdyn.optimal.live.checking import acceleration_excess, check, motion_of, within_limits
 from armdyn.optimal.live.program import LiveProblem, Places
+from armdyn.optimal.problem.checks import held
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE
 from armdyn.optimal.task.policy.live import LivePolicy
@@ -120,22 +121,18 @@ def _brake(live: LiveProblem) -> Trajectory | None:
     Its accelerations are constant: after the time T the arm rests at q + v T / 2. T grows by a factor, from half of
     the time of the weakest joint by its inertia.
     """
-    policy, basis, v, start = live.numbers.live, live.mesh.basis, live.v, live.problem.poses[0]
+    policy, basis, v = live.numbers.live, live.mesh.basis, live.v
+    robot, start = live.problem.robot, live.problem.poses[0]
     duration = float(np.max(np.abs(v) * np.diag(live.inertia(start)) / live.half)) / 2
     first, second = basis.monomials()
     shape = (first - second / 2)[:, None]
     for _ in range(policy.brakes):
         sampled = check(live, CurveLeg(basis, start + shape * v * duration, duration))
-        if within_limits(live, sampled) and _holds(live, sampled.q[-1]):
+        end = sampled.q[-1]
+        if within_limits(live, sampled) and np.all(held(robot, live.problem.limits, end, np.zeros_like(end))[1]):
             return motion_of(live, sampled, "stop")
         duration *= policy.longer
     return None
-
-
-def _holds(live: LiveProblem, q: Array) -> bool:
-    """Whether the motors hold the arm at rest at q."""
-    hold = live.problem.robot.holding_torque(q)
-    return bool(np.all(live.problem.limits.actuators.allows(hold, q, np.zeros_like(q))))
 
 
 def _within_limits(live: LiveProblem, motion: Trajectory) -> bool:

@@ -17,6 +17,7 @@ from armdyn.models.values.per_joint import per_joint
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, PathConstraint
 from armdyn.optimal.path_constraints.rate_limits import PartialLimit
 from armdyn.optimal.path_constraints.rows import RowValues, StageRows
+from armdyn.optimal.problem.checks import held
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.program.interval import Stages
@@ -119,11 +120,8 @@ class TorqueRateLimit(PathConstraint):
 
     def _held(self, problem: MinimumTimeProblem, x: Array) -> tuple[Array, Array]:
         """Holding torques in a state [N m or N], and the allowed distance from them: 0, or inf if a torque is free."""
-        robot, limits, n = problem.robot, problem.limits, problem.robot.nv
-        hold = robot.holding_torque(x[:n])
-        able = limits.actuators.allows(hold, x[:n], x[n:])
-        held = able & np.isfinite(self.limit) & (not np.any(x[n:]))
-        return hold, np.where(held, 0.0, np.inf)
+        hold, supplied = held(problem.robot, problem.limits, *np.split(x, 2))
+        return hold, np.where(supplied & np.isfinite(self.limit), 0.0, np.inf)
 
 
 def _torque_change(stages: Stages) -> ca.SX:

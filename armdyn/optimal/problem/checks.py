@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdyn.arguments import several, shown
-from armdyn.arrays import Array
+from armdyn.arrays import Array, Flags
 from armdyn.errors import ArmdynWarning, ContactError, ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.collision import DEEPEST, Clearance, CollisionModel
@@ -177,6 +177,22 @@ class HoldingDeficit:
     motor: bool
     beyond: bool
     words: str
+
+
+def held(robot: Robot, limits: JointLimits, q: Array, v: Array) -> tuple[Array, Flags]:
+    """Holding torques [N m or N], and whether each joint is at rest with a motor that supplies its torque.
+
+    Args:
+        robot: the arm.
+        limits: limits of the torques.
+        q: joint positions [rad or m], shape (nv,).
+        v: joint velocities [rad/s or m/s], shape (nv,).
+
+    Returns:
+        Torques and flags, each of shape (nv,); no joint is held if any moves.
+    """
+    hold = robot.holding_torque(q)
+    return hold, limits.actuators.allows(hold, q, v) & (not np.any(v))
 
 
 def holding_deficits(
