@@ -70,12 +70,14 @@ def chain_bound(
 
 def _bounded(runs: Sequence[_Run], longest: float, effort: Effort) -> float:
     """Lower bound on the duration of consecutive runs [s]."""
-    found = [run.least for run in runs]
+    found, rests = [run.least for run in runs], effort.others
     order = sorted(range(len(runs)), key=lambda k: len(runs[k].legs))  # point to point first: less time is left
     for done, k in enumerate(order):
-        effort.others = sum_down([one for j, one in enumerate(found) if j != k])
+        others = sum_down([one for j, one in enumerate(found) if j != k])
+        effort.others = rests + others
         with effort.shared(len(runs) - done):
-            found[k] = runs[k].bounded(longest - effort.others, effort)
+            found[k] = runs[k].bounded(longest - others, effort)
+    effort.others = rests
     return min(sum_down(found), longest)
 
 

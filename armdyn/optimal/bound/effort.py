@@ -83,7 +83,7 @@ class Effort:
         stop: stopping condition, polled regularly; once true, the bounds so far are kept.
         workers: largest number of processes; None: one per core. The bounds do not depend on it.
         report: called with a line of text.
-        others: bound of the other motions [s].
+        others: bound of the other motions, and rests, for the report [s].
     """
 
     left: float

@@ -83,15 +83,12 @@ def range_of(v: Interval, linear: Interval, squares: Interval, turning: Interval
     import _armdyn_enclosure as enclosure
 
     corners, many = v.lower.shape[1] <= MOST_CORNERS, weight.lower.shape[-1]
+    ends = np.ascontiguousarray(v.lower), np.ascontiguousarray(v.upper)
     tables = (
-        None if each is None else (_whole(each.lower), _whole(each.upper))
+        None if each is None else (np.ascontiguousarray(each.lower), np.ascontiguousarray(each.upper))
         for each in (linear, squares, turning, weight)
     )
-    return Interval(*enclosure.range_of(_whole(v.lower), _whole(v.upper), many, *tables, corners))
-
-
-def _whole(table: Array) -> Array:
-    return np.ascontiguousarray(table)
+    return Interval(*enclosure.range_of(*ends, many, *tables, corners))
 
 
 _ROUNDED = 1e-9

@@ -1,6 +1,5 @@
 """Linear programs assembled from blocks, and the marginals of their equations."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import _armdyn_enclosure as enclosure
@@ -78,8 +77,10 @@ class LinearProgram:
         """
         bounds = np.clip(np.concatenate(self.bounds), -_LARGEST_UNKNOWN, _LARGEST_UNKNOWN)
         order = np.argsort(np.concatenate(self.places, axis=None), kind="stable")
-        right, matrix = np.concatenate(self.right, axis=None)[order], _matrix(self.entries, len(bounds))[order]
-        found, marginals = marginals_in_boxes(matrix.tocsc(), right, np.concatenate(self.costs), bounds, tolerance)
+        right = np.concatenate(self.right, axis=None)[order]
+        rows, unknowns, values = (np.concatenate(part) for part in zip(*self.entries, strict=True))
+        matrix = csr_matrix((values, (rows, unknowns)), shape=(len(order), len(bounds)))[order].tocsc()
+        found, marginals = marginals_in_boxes(matrix, right, np.concatenate(self.costs), bounds, tolerance)
         return marginals[np.argsort(order)] if found else None
 
 
@@ -111,8 +112,3 @@ def marginals_in_boxes(
         most=_MOST,
     )
     return found, np.asarray(marginals)
-
-
-def _matrix(entries: Sequence[Entries], columns: int) -> csr_matrix:
-    rows, places, values = (np.concatenate([part[k] for part in entries]) for k in range(3))
-    return csr_matrix((values, (rows, places)), shape=(int(np.max(rows)) + 1, columns))
