@@ -9,8 +9,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Protocol
 
-import numpy as np
-
 from armdyn.arguments import expect
 from armdyn.errors import ProblemError, did_you_mean, reraised
 from armdyn.files import file_inside
@@ -19,7 +17,7 @@ from armdyn.models.robots.poses import positions_of
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.obstacles import obstacle_entry, obstacle_from
 from armdyn.models.scene.scenes import load_scene
-from armdyn.models.values.actuator_limits import torque_speed_entry
+from armdyn.models.values.joint_limits import scaled_limits
 from armdyn.optimal import MinimumTimeProblem
 from armdyn.optimal.problem.robot_tables import robot_from
 from armdyn.optimal.problem_files import PROBLEM, problem_from
@@ -97,14 +95,8 @@ class ArmProblems:
         given = self.with_fixed(settings)
         robot = _plain_robot(json.dumps(dict(self.arm(settings).robot)), given.get("payload"))
         robot = robot.with_limits(given.get("effort_limit"), given.get("velocity_limit"))
-        if "effort_scale" in given:
-            limits, scales = robot.limits, np.broadcast_to(given["effort_scale"], robot.nv)
-            effort = scales * np.maximum(limits.effort_upper, -limits.effort_lower)
-            each, curves = zip(robot.joint_names, scales, strict=True), torque_speed_entry(limits.actuators)
-            scaled = {name: np.array(curves[name]) * [1.0, scale] for name, scale in each if name in curves}
-            robot = robot.with_limits(effort, None).with_torque_speed(scaled or None)
-        if "velocity_scale" in given:
-            robot = robot.with_limits(None, given["velocity_scale"] * robot.limits.velocity)
+        scales = (given.get(name, 1.0) for name in ("effort_scale", "velocity_scale"))
+        robot = replace(robot, limits=scaled_limits(robot.limits, *scales))
         return robot.with_friction(given.get("damping"), given.get("friction"), None)
 
     def plant(self, settings: Mapping[str, Value]) -> Robot:

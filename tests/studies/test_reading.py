@@ -75,6 +75,9 @@ def test_limits_are_scaled_and_replaced(study):
     limits = request.task.problems.problem(request.parameters(0)).limits
     assert limits.effort_upper == pytest.approx(0.5 * own.effort_upper, rel=1e-15)
     assert limits.velocity.tolist() == [8.0, 8.0]
+    request = study(ARM + "limits = { effort_lower = [-1.0, -2.0] }\n[vary]\neffort_scale = [0.5]\n")
+    weaker = request.task.problems.problem(request.parameters(0)).limits
+    assert weaker.effort_lower.tolist() == [-0.5, -1.0] and np.array_equal(weaker.effort_upper, limits.effort_upper)
     arm = ARM + "torque_speed = { joint2 = [[0, 3], [9, 1]] }\n"
     request = study(arm + "[vary]\neffort_scale = [0.5]\n")
     falling = request.task.problems.problem(request.parameters(0)).limits.actuators

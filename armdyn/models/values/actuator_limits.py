@@ -110,9 +110,9 @@ class ActuatorLimits(ABC):
         motors = ~self.passive
         return np.where(motors, self.half_range, np.min(self.half_range[motors]) if np.any(motors) else 1.0)
 
-    def reserving(self, parts: Array) -> Self:
-        """The limits less a part of each joint's range [-], shape (nv,)."""
-        return replace(self, lower=self.lower * (1 - parts), upper=self.upper * (1 - parts))
+    def scaled(self, factors: Array) -> Self:
+        """The limits with the torques of each joint times a factor [-], shape (nv,)."""
+        return replace(self, lower=self.lower * factors, upper=self.upper * factors)
 
     def between(self, lower: Array, upper: Array) -> Self:
         """Limits of the same kind with other extreme torques [N m or N], each of shape (nv,)."""
@@ -183,10 +183,10 @@ class TorqueSpeed(ActuatorLimits):
             lower, upper = most(lower, -number(rest) - fallen), least(upper, number(rest) - fallen)
         return least(lower, strongest), most(upper, weakest)
 
-    def reserving(self, parts: Array) -> Self:
-        left = dict(zip(self.joints, 1.0 - parts, strict=True))
-        curves = {name: np.asarray(points) * [1.0, left[name]] for name, points in self.curves.items()}
-        return replace(super().reserving(parts), curves=curves)
+    def scaled(self, factors: Array) -> Self:
+        each = dict(zip(self.joints, factors, strict=True))
+        curves = {name: np.asarray(points) * [1.0, each[name]] for name, points in self.curves.items()}
+        return replace(super().scaled(factors), curves=curves)
 
 
 def torque_speed_entry(limits: ActuatorLimits) -> dict[str, list[list[float]]]:

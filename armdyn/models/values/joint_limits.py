@@ -95,6 +95,14 @@ class JointLimits:
         )
 
 
+def scaled_limits(limits: JointLimits, effort: float | Array, velocity: float | Array) -> JointLimits:
+    """Limits with torques, in every state, and velocities times factors [-]: one number, or shape (nv,)."""
+    left = limits.actuators.scaled(np.broadcast_to(effort, limits.velocity.shape))
+    return replace(
+        limits, effort_lower=left.lower, effort_upper=left.upper, actuators=left, velocity=limits.velocity * velocity
+    )
+
+
 def _between(lower: float, upper: float) -> str:
     """A range in words."""
     if -lower == upper:

@@ -12,7 +12,7 @@ from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.robots.robot import Robot
-from armdyn.models.values.joint_limits import JointLimits
+from armdyn.models.values.joint_limits import JointLimits, scaled_limits
 from armdyn.models.values.per_joint import per_joint
 from armdyn.reprs import joint_unit
 
@@ -58,14 +58,7 @@ class Reserve:
                 f"[{limits.effort_lower[i]:g}, {limits.effort_upper[i]:g}] N m leave out zero; a reserve needs it "
                 "between them"
             )
-        reserving = limits.actuators.reserving(self.effort)
-        return replace(
-            limits,
-            velocity=limits.velocity * (1 - self.velocity),
-            effort_lower=reserving.lower,
-            effort_upper=reserving.upper,
-            actuators=reserving,
-        )
+        return scaled_limits(limits, 1 - self.effort, 1 - self.velocity)
 
 
 def reserve_words(part: float, left: float, unit: str) -> str:

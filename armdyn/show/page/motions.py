@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -13,7 +13,7 @@ from armdyn.arrays import Array
 from armdyn.files import as_json
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.obstacles import Obstacle
-from armdyn.models.values.joint_limits import JointLimits
+from armdyn.models.values.joint_limits import JointLimits, scaled_limits
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.scene import packed
 from armdyn.trajectory import Trajectory
@@ -240,13 +240,4 @@ def _reserves(facts: Facts, joints: int) -> dict[str, list[float]] | None:
 def _reduced_limits(limits: JointLimits, facts: Facts) -> JointLimits:
     """The limits less the reserve for feedback."""
     kept = _reserves(facts, limits.velocity.size)
-    if kept is None:
-        return limits
-    left = limits.actuators.reserving(np.array(kept["tau"]))
-    return replace(
-        limits,
-        velocity=limits.velocity * (1 - np.array(kept["v"])),
-        effort_lower=left.lower,
-        effort_upper=left.upper,
-        actuators=left,
-    )
+    return limits if kept is None else scaled_limits(limits, *(1 - np.array(kept[name]) for name in ("tau", "v")))

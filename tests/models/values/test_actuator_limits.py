@@ -37,7 +37,7 @@ def test_constant_limits():
     assert np.array_equal(LIMITS.excess(tau, REST, REST), [[1, 1, 0], [-1, -2, 1]])
     assert LIMITS.allows(tau, REST, REST).tolist() == [[False, False, True], [True, True, False]]
     assert np.array_equal(LIMITS.extreme(np.array([1, -1, 0])), [3, -4, 0])
-    less = LIMITS.reserving(np.array([0.5, 0.25, 0.1]))
+    less = LIMITS.scaled(np.array([0.5, 0.75, 0.9]))
     assert np.array_equal(less.lower, [-0.5, -3, 0]) and np.array_equal(less.upper, [1.5, 1.5, 0])
 
 
@@ -87,7 +87,7 @@ def test_torque_falls_with_speed_where_it_drives():
 
 
 def test_a_reserve_takes_its_part_at_every_speed():
-    less = FALLING.reserving(np.array([0.2, 0.0, 0.0]))
+    less = FALLING.scaled(np.array([0.8, 1.0, 1.0]))
     v = np.array([[0.5, 0, 0], [2.0, 0, 0]])
     assert np.allclose(less.range(REST, v)[1][:, 0], 0.8 * FALLING.range(REST, v)[1][:, 0])
 
