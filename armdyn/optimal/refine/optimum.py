@@ -97,12 +97,17 @@ class Optimum:
 
 
 def trajectory_cost(motion: Trajectory, weight: ArrayLike) -> float:
-    """J = ∫ (1 + ½ Σ wᵢ τᵢ²) dt [s], exact for linear and held torques.
+    """J = ∫ (1 + ½ Σ wᵢ τᵢ²) dt [s], see `torque_squared`; w in 1/(N m)²."""
+    return motion.duration + torque_squared(motion, weight) / 2
+
+
+def torque_squared(motion: Trajectory, weight: ArrayLike = 1.0) -> float:
+    """∫ Σ wᵢ τᵢ² dt [(N m)² s times w's unit], exact for linear and held torques.
 
     Args:
         motion: motion with times and torques.
-        weight: w [1/(N m)²], one number or one per joint.
+        weight: w, one number or one per joint.
     """
     a, b = motion.tau[:-1], motion.tau_end
     squares = np.sum(np.asarray(weight) * (a * a + a * b + b * b), axis=1) / 3
-    return float(motion.duration + np.diff(motion.t) @ squares / 2)
+    return float(np.diff(motion.t) @ squares)

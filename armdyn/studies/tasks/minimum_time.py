@@ -11,7 +11,7 @@ from armdyn.cycle.solution import CycleSolution
 from armdyn.optimal import MinimumTimeOptions, Solution, Status, solve_minimum_time
 from armdyn.optimal.answer.words import standing
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE
-from armdyn.optimal.refine.optimum import trajectory_cost
+from armdyn.optimal.refine.optimum import torque_squared
 from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.policy.search import SamePolicy
 from armdyn.parsing.toml import Table
@@ -19,7 +19,6 @@ from armdyn.studies.problems import ProblemSource
 from armdyn.studies.rows import StudyRow, Value
 from armdyn.studies.settings import SIGNS
 from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, Neighbours, motion_bytes, motion_from
-from armdyn.trajectory import Trajectory
 
 NEIGHBOURS: tuple[Neighbours, ...] = ("add", "lead", "off", "chain")
 
@@ -125,12 +124,5 @@ def _chain_facts(solution: Solution) -> dict[str, Any]:
         "ms_per_gram": by.payload_mass if by else None,
         "landed": solution.success,
         "arcs": "; ".join(", ".join(mode.value for mode in arc.modes) for arc in arcs),
-        "cost": solution.duration + trajectory_cost(solution.trajectory, weight) - solution.trajectory.duration,
+        "cost": solution.duration + torque_squared(solution.trajectory, weight) / 2,
     }
-
-
-def torque_squared(motion: Trajectory) -> float:
-    """∫ τᵀτ dt [(N m)² s], exact for a torque that is linear between samples (Simpson's rule of its square)."""
-    tau, steps = motion.tau, np.diff(motion.t)
-    squares = (tau[:-1] ** 2 + tau[:-1] * tau[1:] + tau[1:] ** 2).sum(axis=1) / 3
-    return float(squares @ steps)
