@@ -8,7 +8,7 @@ from typing import Any
 
 from armdyn.arguments import shown
 from armdyn.errors import ProblemError
-from armdyn.models.robots.poses import positions_of
+from armdyn.models.robots.poses import pose_given, positions_of
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.problem.robot_tables import KEYS, robot_from, robot_table
 from armdyn.optimal.problem_files import PROBLEM, only_tables
@@ -202,7 +202,5 @@ def _positions(robot: Robot, given: object, what: str) -> list[float]:
     Raises:
         ProblemError: they are not.
     """
-    values = positions_of(robot, given, what)
-    if len(values) != robot.nv:
-        raise ProblemError(f"{what} has {len(values)} numbers; {', '.join(robot.joint_names)} need {robot.nv}")
-    return [float(value) for value in values]
+    positions: list[float] = pose_given(robot, positions_of(robot, given, what), what).tolist()
+    return positions

@@ -155,7 +155,10 @@ def test_no_file_beyond_the_studys_folder(study, tmp_path, place):
         ("[arms.rr]\nq_start = 'hoem'\nq_goal = [0, 1]\n" + VARY, "line 2: arms.rr.q_start is 'hoem'"),
         ("[arms.rr]\nq_start = [0, true]\nq_goal = [0, 1]\n" + VARY, "line 2: arms.rr.q_start has True; a position"),
         ("[arms.rr]\nq_start = 1\nq_goal = [0, 1]\n" + VARY, "line 2: arms.rr.q_start is 1; it must be 2 positions"),
-        ("[arms.rr]\nq_start = [0]\nq_goal = [0, 1]\n" + VARY, "line 2: arms.rr.q_start has 1 numbers; joint1, joint2"),
+        (
+            "[arms.rr]\nq_start = [0]\nq_goal = [0, 1]\n" + VARY,
+            "line 2: arms.rr.q_start has shape .1,.; expected 2 numbers, one per joint: joint1, joint2",
+        ),
         ("[arms.'../x']\nq_start = [0]\nq_goal = [1]\n" + VARY, "line 1: arm '../x': a name has letters"),
         (
             "[arms.pandaa]\nq_start = [0]\nq_goal = [1]\n" + VARY,
