@@ -7,7 +7,14 @@ import numpy as np
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.follow import follow
 from armdyn.optimal.flat.refinement import sampled
-from armdyn.optimal.landing.limit_violations import can_be_slowed, excesses, least_factor, paced, paced_torques
+from armdyn.optimal.landing.limit_violations import (
+    can_be_slowed,
+    constraints_mended,
+    excesses,
+    least_factor,
+    paced,
+    paced_torques,
+)
 from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.path_constraints.tightened import ConstraintReports, TightenedConstraints
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE, certify
@@ -76,7 +83,7 @@ def _at_pace(task: Task, optimum: Optimum, path: Trajectory, factor: float) -> O
 def within_constraints(
     task: Task, curve: Curve, replay: Trajectory, constraints: TightenedConstraints
 ) -> tuple[Curve, Trajectory, ConstraintReports]:
-    """Check the path constraints, and slow the curve down until its replay keeps them, if it can be.
+    """Check the path constraints; slow the curve down where its replay exceeds them much, or Coulomb friction acts.
 
     Lines between samples miss the bend of the torque of Coulomb friction, which shakes light joints beyond their jerk
     limits: such a curve is sampled finer before it is slowed down. `slowed`, which slows down the replay itself, would
@@ -92,7 +99,8 @@ def within_constraints(
     reports = constraints.check(problem, replay, curve.passing)
     rubs = bool(np.any(np.asarray(problem.robot.friction.coulomb) > 0))
     finer = task.policy.curves.finer_still if rubs else ()
-    for k in range(len(finer) + task.policy.refinement.slowing if can_be_slowed(problem) else 0):
+    needed = can_be_slowed(problem) and (rubs or not constraints_mended(task, reports))
+    for k in range(len(finer) + task.policy.refinement.slowing if needed else 0):
         if reports.slowing == 1 or not np.isfinite(reports.slowing):
             break
         if k >= len(finer):
