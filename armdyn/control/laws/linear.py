@@ -7,7 +7,6 @@ from scipy.linalg import LinAlgError, expm, solve_discrete_are
 
 from armdyn.arrays import Array
 from armdyn.control.loop.references import Ticks
-from armdyn.dynamics import inverse_dynamics
 from armdyn.dynamics.numeric import forward_dynamics_derivatives
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
@@ -63,9 +62,8 @@ def plant_steps(robot: Robot, ticks: Ticks) -> Steps:
     q, v, h = ticks.q, ticks.v, 1 / ticks.rate
     middle_q = (q[:-1] + q[1:]) / 2 - h / 8 * np.diff(v, axis=0)
     middle_v = (v[:-1] + v[1:]) / 2
-    rest = np.zeros(robot.nv)
-    holding = inverse_dynamics(robot)(ticks.goal, rest, rest)
-    states = np.vstack([middle_q, ticks.goal]), np.vstack([middle_v, rest]), np.vstack([ticks.tau[:-1], holding])
+    tau = np.vstack([ticks.tau[:-1], robot.holding_torque(ticks.goal)])
+    states = np.vstack([middle_q, ticks.goal]), np.vstack([middle_v, np.zeros(robot.nv)]), tau
     return Steps(*zero_order_hold(*linearised(robot, *states), h))
 
 

@@ -63,8 +63,7 @@ class Ticks:
         t = np.arange(count) / rate
         state = reference(reference.t[0] + t)
         v = np.where(t[:, None] <= duration, state.v, 0.0)
-        rest = np.zeros(robot.nv)
-        holding = inverse_dynamics(robot)(reference.q[-1], rest, rest)
+        holding = robot.holding_torque(reference.q[-1])
         a = np.diff(state.v, axis=0, append=state.v[-1:]) * rate  # a motion that ends moving is not braked in one tick
         return cls(rate, duration, state.q, v, a, _torques(reference, rate, count, holding))
 

@@ -14,7 +14,6 @@ from armdyn.control.laws.linear import LinearPlant, linearised
 from armdyn.control.laws.pid import DEFAULT_GAINS, FORMS, Form, PidGains
 from armdyn.control.loop.loop import Controller, Law, Loop, expect_controller, expect_loop, law_of
 from armdyn.control.loop.references import Ticks, set_point
-from armdyn.dynamics import inverse_dynamics
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
@@ -122,8 +121,7 @@ class Rest:
         if arm.nv != robot.nv:
             raise ProblemError(f"the plant {arm.name} has {arm.nv} joints; the controller's model has {robot.nv}")
         goal = pose_given(robot, q_goal, "q_goal")
-        rest = np.zeros(robot.nv)
-        holding = inverse_dynamics(arm)(goal, rest, rest)
+        rest, holding = np.zeros(robot.nv), arm.holding_torque(goal)
         ticks = Ticks.of(robot, set_point(robot, goal, expect_loop(loop).period), loop.rate)
         law = law_of(expect_controller(controller), robot, ticks, loop)
         return cls(
