@@ -85,6 +85,7 @@ def test_feedback_holds_an_unstable_motion():
     assert ends[False] > 1.0 and ends[True] < 1e-4
 
 
+@pytest.mark.slow
 def test_servos_take_nothing_from_torques_on_their_limits():
     """The paper's RRR arm, all of whose torques are: 8e-3 rad were measured with targets held in a step, 8e-5 now."""
     robot, motion = solved("rrr").problem.robot, solved("rrr").trajectory
