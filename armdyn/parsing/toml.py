@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any
 
-from armdyn.arguments import one_of, shown
+from armdyn.arguments import number, one_of, shown
 from armdyn.errors import ArmdynError, ProblemError, did_you_mean
 from armdyn.files import read_text
 
@@ -155,6 +155,15 @@ class Table:
             if not isinstance(value, str):
                 raise ProblemError(f"{self.called(key)} is {shown(value)}; it must be text")
         return value
+
+    def number(self, key: str, default: float) -> float:
+        """A positive number, for tasks as of docs/extending.md.
+
+        Raises:
+            ProblemError: it is something else.
+        """
+        with self.at(key):
+            return number(self.values.get(key, default), self.called(key), sign="positive")
 
 
 def read_toml(path: str | os.PathLike[str]) -> Table:
