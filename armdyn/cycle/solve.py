@@ -17,6 +17,7 @@ from armdyn.cycle.solution import CycleLeg, CycleSolution
 from armdyn.cycle.stops import turns
 from armdyn.errors import CycleError
 from armdyn.models.scene.reaching import GoalPose
+from armdyn.optimal.answer.assembly import ended_by_time
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.effort import Effort
@@ -62,7 +63,7 @@ def solve_cycle(
     with stopping(options.time_limit) as stop:
         graph = CycleGraph.of(cycle)
         tour = _shortest(graph, options, stop, report)
-        answer = _answer(graph, tour, stop)
+        answer = _answer(graph, tour, stop, options.time_limit)
         if cycle.order == "free" and answer.usable and turns(cycle):
             answer = _with_turns(answer, options, stop, report)
         if options.bound:
@@ -104,7 +105,7 @@ def _with_turns(found: CycleSolution, options: MinimumTimeOptions, stop: Stop, r
     While the order is free, turns would make too many branches.
     """
     graph = CycleGraph.of(found.cycle)
-    turned = _answer(graph, _shortest(graph, options, stop, report), stop)
+    turned = _answer(graph, _shortest(graph, options, stop, report), stop, options.time_limit)
     best = turned if turned.usable and turned.duration < found.duration else found
     return replace(best, branches=found.branches + turned.branches)
 
@@ -154,8 +155,8 @@ def _solved(task: Task, bound: float | None, left: float) -> Solution:
     return solve_task(task, left)
 
 
-def _answer(graph: CycleGraph, tour: Tour, stop: Stop) -> CycleSolution:
-    """The cycle along a tour, up to its first unsolved move."""
+def _answer(graph: CycleGraph, tour: Tour, stop: Stop, limit: float) -> CycleSolution:
+    """The cycle along a tour, up to its first unsolved move; `limit`: the time limit [s]."""
     if not np.isfinite(tour.length):
         status = stop.status if stop else Status.INFEASIBLE
         return CycleSolution(graph.cycle, status, _why(graph), branches=len(graph.solutions))
@@ -168,7 +169,8 @@ def _answer(graph: CycleGraph, tour: Tour, stop: Stop) -> CycleSolution:
         legs.append(CycleLeg(leg, graph.solutions[edge], begin))
         begin += legs[-1].duration
     whole = len(legs) == len(cycle.moves)
-    status, message = (Status.SOLVED, "every move is solved") if whole else (stop.status, stop.word)
+    said = stop.word if stop.interrupted else ended_by_time(limit)
+    status, message = (Status.SOLVED, "every move is solved") if whole else (stop.status, said)
     return CycleSolution(cycle, status, message, tuple(legs), None, len(graph.solutions))
 
 
