@@ -1,6 +1,7 @@
 """Refinement of a curve until its limits hold between the program's points, too."""
 
 from dataclasses import dataclass, replace
+from operator import is_
 
 import numpy as np
 
@@ -125,8 +126,8 @@ def _in_rounds(
         if (worst <= enough and constraints_mended(task, kept)) or task.stop or not solved.converged:
             break
         task.progress(round_words(k + 1, solved.curve, over))
-        before, spec = spec, _tighter(task, spec, over, kept)
-        if worst <= enough and spec.constraints.path_constraints == before.constraints.path_constraints:
+        before, spec = spec.constraints.path_constraints, _tighter(task, spec, over, kept)
+        if worst <= enough and all(map(is_, before, spec.constraints.path_constraints)):
             break  # no constraint can be tightened further
         # Margins of limits that are not active do not change steps; IPOPT's barrier responds to them.
         solved, last = replace(solved, in_steps=solved.in_steps and worst < last), worst

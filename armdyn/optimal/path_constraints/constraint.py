@@ -180,7 +180,7 @@ class PathConstraint(PathConstraintSpec, ABC):
         """
 
     def tightened(self, problem: MinimumTimeProblem, report: ConstraintReport) -> Self:
-        """The constraint, tightened where a motion violated it between the points."""
+        """The constraint, tightened where a motion violated it between the points; itself where it is tight enough."""
         return self
 
     def on_finer_mesh(self) -> Self:

@@ -72,7 +72,8 @@ class PartialLimit(PathConstraint):
         spare = self.policy.rate_tightening if report.reasons else 0.0
         part = (1 - spare) * self.part / max(float(report.share or 1), 1e-6)
         fitting = float(np.clip(part, self.policy.least_part, 1))
-        return replace(self, part=fitting) if report.reasons or fitting > self.part else self
+        changed = fitting != self.part and (report.reasons or fitting > self.part)
+        return replace(self, part=fitting) if changed else self
 
     def on_finer_mesh(self) -> Self:
         """Restore the whole limit: on a mesh twice as fine the excess between the points is much smaller."""
