@@ -183,7 +183,8 @@ def export(
     """A motion as a table, ROS 2's message, MuJoCo's model or keyframes, or a program for a robot's controller.
 
     Each row has a time, q, v, a and tau. Rows are 1 / rate apart, the first at 0, the last at the motion's end. Torques
-    and accelerations are means over the step that begins there: a controller holds them until the next row.
+    are means over the step that begins there: a controller holds them until the next row. A motion that was to rest at
+    an end does so exactly in its rows.
 
     ROS 2's message (trajectory_msgs/msg/JointTrajectory) is JSON, which is YAML, too; joints have the URDF's names.
 

@@ -45,7 +45,7 @@ def joined(cycle: Cycle, legs: Sequence[tuple[Leg, Solution]]) -> Trajectory:
         pieces += [piece for _, piece in rests if piece is not None]
         move, arm = solution.trajectory, leg.robot
         pieces.append(move.as_piece(name=leg.name, load=load_of(arm), event=event))
-        at = move.q[-1]
+        at = move.q[-1] if move.ends is None else move.ends[1, 0]
     if len(legs) == len(cycle.moves):
         pieces += [piece for _, piece in _dwells(cycle, cycle.stops[-1], at, _LAST) if piece is not None]
     landing = max(VELOCITY_TOLERANCE, *(solution.certificate.landing for _, solution in legs))  # of a usable move

@@ -138,20 +138,21 @@ def _read(file: zipfile.ZipFile, make: Callable[..., Made]) -> Made:
     form = str(_member(file, "format", text=True))
     if form != _FORMAT:
         raise TrajectoryError(f"not a trajectory of format {_FORMAT} but {form[:80]!r}; a newer armdyn may read it")
-    if sorted(found) != sorted(f"{name}.npy" for name in (*_TEXTS, "joint_names", *_ARRAYS)):
+    arrays = (*_ARRAYS, "ends") if "ends.npy" in found else _ARRAYS
+    if sorted(found) != sorted(f"{name}.npy" for name in (*_TEXTS, "joint_names", *arrays)):
         raise TrajectoryError(f"not a readable npz trajectory: it holds {', '.join(map(repr, found[:12]))}")
     if (units := str(_member(file, "units", text=True))) != _UNITS:
         raise TrajectoryError(f"in units {units[:200]!r}; armdyn writes {_UNITS!r}")
     names = _member(file, "joint_names", text=True)
-    if sum(_count(file, field) for field in _ARRAYS) * np.dtype(float).itemsize > MAX_BYTES:  # bytes become floats
+    if sum(_count(file, field) for field in arrays) * np.dtype(float).itemsize > MAX_BYTES:  # bytes become floats
         raise TrajectoryError(f"larger than {MAX_BYTES} bytes")
     made = make(
-        **{field: _member(file, field) for field in _ARRAYS},
+        **{field: _member(file, field) for field in arrays},
         joint_names=tuple(map(str, names)),
         **{name: str(_member(file, name, text=True)) for name in ("name", "model_hash", "hold")},
         pieces=from_text(str(_member(file, "pieces", text=True))),
     )
-    for field in _ARRAYS:
+    for field in arrays:
         bounded(getattr(made, field), field)
     return made
 

@@ -163,7 +163,17 @@ def joined(first: Trajectory, second: Trajectory, tolerance: float) -> Trajector
         joint_names=names,
         name=first.name or second.name,
         pieces=pieces,
+        ends=_ends(first, second),
     )
+
+
+def _ends(first: Trajectory, last: Trajectory) -> Array | None:
+    """Start of the first motion's `ends`, and end of the last one's."""
+    if first.ends is None and last.ends is None:
+        return None
+    unknown = np.full((2, 2, first.v.shape[1]), np.nan)
+    start, end = (unknown if one.ends is None else one.ends for one in (first, last))
+    return np.stack([start[0], end[1]])
 
 
 def _common_names(first: Trajectory, second: Trajectory, tolerance: float) -> tuple[str, ...]:
@@ -212,6 +222,7 @@ def backwards(motion: Trajectory) -> Trajectory:
     return replace(
         motion, t=t, q=motion.q[::-1], v=-motion.v[::-1], tau=motion.tau[::-1], pieces=pieces[::-1],
         name=f"{motion.name} backwards".lstrip(),
+        ends=None if motion.ends is None else motion.ends[::-1] * np.array([[1.0], [-1.0]]),
     )  # fmt: skip
 
 
@@ -255,7 +266,11 @@ def cut(motion: Trajectory, begin: float | None, end: float | None) -> Trajector
     )
     before = sum(one.start <= low for one in motion.pieces) - 1
     pieces = tuple(replace(one, start=max(one.start, low)) for one in motion.pieces[before:] if one.start < high)
-    return replace(motion, t=t, q=q, v=v, tau=tau, pieces=pieces)
+    ends = motion.ends
+    if ends is not None:
+        inside = np.array([low > motion.t[0], high < motion.t[-1]])
+        ends = np.where(inside[:, None, None], np.nan, ends)
+    return replace(motion, t=t, q=q, v=v, tau=tau, pieces=pieces, ends=ends)
 
 
 def split(motion: Trajectory) -> tuple[Trajectory, ...]:

@@ -40,11 +40,19 @@ LEAST_STEP = 1e-30
 """Times of a motion nearer than that are refused [s]: rates over them, and squares of rates, overflow. An ulp of
 a femtosecond is longer."""
 
-_LAST_STEP = 1e-3
-"""Of a tick: a tick that is nearer to the end is left out. At `MOST_RATE` that is `LEAST_STAMP`."""
+LAST_STEP = 1e-3
+"""Least length of the last step, as a part of a tick. At `MOST_RATE` that is `LEAST_STAMP`."""
 
-_REST = 1e-6
-"""Velocity at rest [rad/s or m/s]."""
+LANDED = (1e-5, 0.02)
+"""Distance [rad or m] and velocity [rad/s or m/s] of a motion's end from the required one that are the residual of its
+landing: ten times the largest goal error of a certified motion, and the velocity error with which motions land."""
+
+_REST = 1e-4
+"""Velocity at rest [rad/s or m/s], of a motion whose required ends are unknown: three times the largest that certified
+motions from rest to rest were seen to land with."""
+
+_SIDE = 1 / 32
+"""Part of the step over which the acceleration before, and after, a stamp is measured."""
 
 
 def finite(value: object, name: str) -> Array:
@@ -89,15 +97,15 @@ def check_shapes(motion: Any, arrays: Sequence[str]) -> None:
 class Samples(Checked):
     """States at strictly increasing stamps, and torques held from each stamp to the next.
 
-    `Trajectory.resample` makes them. Rows of `a` and `tau` are means over the step that begins at their stamp. The last
-    row of `a` is zero if the motion ends at rest, since ros2_control repeats the last point for good; else it repeats
-    the one before, as the last row of `tau` does. The holding torque after the end is not included.
+    `Trajectory.resample` makes them. Rows of `tau` are means over the step that begins at their stamp; the last row
+    repeats the one before. The holding torque after the end is not included. Rows of `a` are those at the stamp, and
+    zero where the motion rests at an end.
 
     Attributes:
         t: stamps [s], shape (n,), n >= 2, the first 0.
         q: joint positions at the stamps [rad or m], shape (n, nv).
         v: joint velocities at the stamps [rad/s or m/s], shape (n, nv).
-        a: mean joint accelerations over the steps [rad/s² or m/s²], shape (n, nv).
+        a: joint accelerations at the stamps [rad/s² or m/s²], shape (n, nv).
         tau: mean joint torques over the steps [N m or N], shape (n, nv).
         joint_names: one name per column; may be empty.
         name: of the motion.
@@ -183,7 +191,7 @@ class Samples(Checked):
         return Mujoco(motors).text(self)
 
 
-def samples_of(motion: Trajectory, rate: float | None) -> Samples:
+def samples_of(motion: Trajectory, rate: float | None, least: float) -> Samples:
     """Sample a motion at even times, or at its own; see `Trajectory.resample`."""
     if motion.q.shape[1] != motion.v.shape[1]:
         raise TrajectoryError(
@@ -191,26 +199,55 @@ def samples_of(motion: Trajectory, rate: float | None) -> Samples:
         )
     if motion.duration < LEAST_STAMP:
         raise TrajectoryError(f"the motion lasts {motion.duration:.3g} s; expected at least {LEAST_STAMP:g} s")
-    t = _own_times(motion) if rate is None else _even_times(motion.duration, rate)
+    t = _own_times(motion) if rate is None else _even_times(motion.duration, rate, least)
     with np.errstate(over="ignore", invalid="ignore"):  # overflows are refused by name
         state = motion(np.minimum(motion.t[0] + t, motion.t[-1]))
-        q, v = (np.vstack([known[:-1], end[-1:]]) for known, end in ((state.q, motion.q), (state.v, motion.v)))
-        a, tau = np.diff(v, axis=0) / np.diff(t)[:, None], mean_torques(motion, t)
-    at_rest = bool(np.all(np.abs(v[-1]) <= _REST))
+        q, v, a = state.q, state.v, _accelerations(motion, t)
+        tau = mean_torques(motion, t)
+    for k in (0, -1):
+        q[k], v[k] = _end(motion, k)
+        a[k] = a[k] if np.any(v[k]) else 0.0
     return Samples(
-        t=t, q=q, v=v, a=np.vstack([a, np.where(at_rest, 0.0, a[-1:])]), tau=np.vstack([tau, tau[-1:]]),
+        t=t, q=q, v=v, a=a, tau=np.vstack([tau, tau[-1:]]),
         joint_names=motion.joint_names, name=motion.name, model_hash=motion.model_hash,
         pieces=tuple(replace(one, start=one.start - float(motion.t[0])) for one in motion.pieces),
     )  # fmt: skip
 
 
-def _even_times(duration: float, rate: float) -> Array:
-    """Multiples of the period from the start, and the end [s], shape (n,)."""
+def _end(motion: Trajectory, k: int) -> tuple[Array, Array]:
+    """Position and velocity at the start (k = 0) or the end (-1), without the residual of the landing."""
+    q, v = motion.q[k], motion.v[k]
+    if motion.ends is None or np.any(np.isnan(motion.ends[k])):
+        return q, np.where(np.all(np.abs(v) <= _REST), 0.0, v)
+    (asked, speed), (near, slow) = motion.ends[k], LANDED
+    close, alike = np.all(np.abs(q - asked) <= near), np.all(np.abs(v - speed) <= slow)
+    return np.where(close, asked, q), np.where(alike, speed + 0.0, v)  # no -0.0 of a motion backwards
+
+
+def _accelerations(motion: Trajectory, t: Array) -> Array:
+    """Accelerations at stamps [rad/s² or m/s²], shape (n, nv): slopes of the velocity on both sides of each stamp.
+
+    Of two that differ, where a torque jumps, the one nearer to zero, and zero between those of different signs: a
+    quintic between the rows then does not overshoot the velocity that the motion has reached.
+    """
+    aside = _SIDE * np.diff(t)
+    at = np.concatenate([t[1:] - aside, t, t[:-1] + aside])
+    before, here, after = np.split(motion(np.minimum(motion.t[0] + at, motion.t[-1])).v, [aside.size, -aside.size])
+    rise = (after - here[:-1]) / aside[:, None]
+    fall = (here[1:] - before) / aside[:, None]
+    left, right = np.vstack([rise[:1], fall]), np.vstack([rise, fall[-1:]])
+    nearer = np.where(np.abs(left) < np.abs(right), left, right)
+    return np.where(left * right > 0, nearer, 0.0)
+
+
+def _even_times(duration: float, rate: float, least: float) -> Array:
+    """Multiples of the period from the start, and the end [s], shape (n,); `least` as of `Trajectory.resample`."""
+    least = number(least, "least", sign="positive", error=TrajectoryError)
     rate = number(rate, "rate", unit="Hz", sign="positive", most=MOST_RATE, error=TrajectoryError)
     ticks = duration * rate
     _check_count(ticks + 1, f"{duration:g} s at {rate:g} Hz")
     whole = np.arange(int(np.ceil(ticks)) + 1)
-    whole = whole[(whole == 0) | (whole <= ticks - _LAST_STEP)]
+    whole = whole[(whole == 0) | (whole <= ticks - least)]
     return np.append(whole / rate, duration)
 
 

@@ -18,7 +18,7 @@ from armdyn.reprs import brief, called, joints_of
 from armdyn.trajectory import npz
 from armdyn.trajectory.interpolation import cubic
 from armdyn.trajectory.pieces import JOIN_TOLERANCE, Load, Piece, check_pieces, cut, joined, split, to_text
-from armdyn.trajectory.samples import LEAST_STEP, Samples, check_shapes, finite, names_of, samples_of
+from armdyn.trajectory.samples import LAST_STEP, LEAST_STEP, Samples, check_shapes, finite, names_of, samples_of
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -61,6 +61,8 @@ class Trajectory(Checked):
             a motion with pieces it is theirs, and empty if they differ.
         hold: torque between samples, see `Hold`.
         pieces: parts with a model and payload of their own, in order; empty: the motion is one piece.
+        ends: states that the motion was required to start and to end in, (q, v) of each, shape (2, 2, nv); NaN, or
+            None: unknown. Its own first and last sample differ from them by the residual of its landing.
     """
 
     t: Array = checked(finite)
@@ -72,10 +74,13 @@ class Trajectory(Checked):
     model_hash: str = checked(text, "", error=TrajectoryError)
     hold: Hold = checked(one_of, "linear", known=HOLDS, error=TrajectoryError)
     pieces: tuple[Piece, ...] = ()
+    ends: Array | None = checked(numbers, None, error=TrajectoryError)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_shapes(self, _ARRAYS[1:])
+        if self.ends is not None and self.ends.shape != (2, 2, self.v.shape[1]):
+            raise TrajectoryError(f"ends has shape {self.ends.shape}; expected (2, 2, {self.v.shape[1]})")
         nearest = int(np.argmin(np.diff(self.t)))
         if self.t[nearest + 1] - self.t[nearest] < LEAST_STEP:
             raise TrajectoryError(
@@ -247,7 +252,9 @@ class Trajectory(Checked):
             TrajectoryError: it is larger than `MAX_BYTES`.
         """
         texts = {"name": self.name, "model_hash": self.model_hash, "hold": self.hold, "pieces": to_text(self.pieces)}
-        return npz.write(path, {field: getattr(self, field) for field in _ARRAYS}, texts, self.joint_names)
+        arrays = {field: getattr(self, field) for field in _ARRAYS}
+        arrays |= {} if self.ends is None else {"ends": self.ends}
+        return npz.write(path, arrays, texts, self.joint_names)
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Trajectory:
@@ -259,23 +266,26 @@ class Trajectory(Checked):
         """
         return npz.read(path, Trajectory)
 
-    def resample(self, rate: float | None = None) -> Samples:
+    def resample(self, rate: float | None = None, least: float = LAST_STEP) -> Samples:
         """Sample the motion at even times: states, and torques to hold until the next time.
 
-        Stamps are k / rate from the start, and the end itself. The last step is as short as it must be for that; of a
-        tick less than a thousandth of a tick before the end there is no stamp. Torques and accelerations are
-        means over the step that begins at their stamp, as a controller holds its output for a tick, and
-        v[k + 1] = v[k] + (t[k + 1] - t[k]) a[k].
+        Stamps are k / rate from the start, and the end itself. The last step is as short as it must be for that, or as
+        `least` says. Torques are means over the step that begins at their stamp, as a controller holds its output
+        for a tick. Accelerations are those at the stamp; where a torque jumps there, the smaller one of both sides.
+
+        A motion that rests at an end does so exactly: the first (last) row has the position of `ends`, where it is
+        known and the sample is within `LANDED` of it, and zeros for velocity and acceleration.
 
         Args:
             rate: samples per second [Hz], at most `MOST_RATE`; None: the motion's own samples, of those nearer to each
                 other than `LEAST_STAMP`, as the two sides of a jump, only the first.
+            least: least length of the last step, as a part of a tick: a tick that is nearer to the end has no stamp.
 
         Raises:
             TrajectoryError: the rate is no number, the samples are more than `MOST_SAMPLES`, the motion is shorter than
                 `LEAST_STAMP`, or q has not one column per joint.
         """
-        return samples_of(self, rate)
+        return samples_of(self, rate, least)
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write the motion's samples as a table; see `resample` and `Samples.to_csv`."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -120,7 +120,8 @@ def ramp(robot: Robot, q_start: ArrayLike, q_goal: ArrayLike, duration: float) -
             (_QUINTIC.deriv(2)(s) / T**2, 0.0),
         )
     )
-    return _motion(robot, T * s[:, 0], q, v, a, "ramp")
+    rest = np.zeros_like(start)
+    return replace(_motion(robot, T * s[:, 0], q, v, a, "ramp"), ends=np.array([[start, rest], [goal, rest]]))
 
 
 def set_point(robot: Robot, q_goal: ArrayLike, duration: float = _INSTANT) -> Trajectory:

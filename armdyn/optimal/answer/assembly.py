@@ -48,7 +48,9 @@ def assembled(
         message="; ".join((_message(task, status, best, found), *best.missed, *([remark] if remark else []))),
         problem=task.problem,
         duration=duration,
-        trajectory=replace(best.trajectory, name=task.problem.robot.marked(best.trajectory.name)),
+        trajectory=replace(
+            best.trajectory, name=task.problem.robot.marked(best.trajectory.name), ends=task.problem.ends
+        ),
         certificate=certificate,
         arcs=best.phases.arcs if best.phases else (),
         phases=best.phases,

@@ -252,6 +252,11 @@ class MinimumTimeProblem:
         return np.concatenate([np.asarray(self.q_goal), np.asarray(self.v_goal)])
 
     @property
+    def ends(self) -> Array:
+        """Start and goal state, (q, v) of each, shape (2, 2, nv)."""
+        return np.stack([self.x_start, self.x_goal]).reshape(2, 2, -1)
+
+    @property
     def from_rest_to_rest(self) -> bool:
         """Whether the motion begins and ends at rest."""
         n = self.robot.nv
