@@ -20,6 +20,7 @@ from armdyn.files import read_bounded, read_text
 from armdyn.reprs import brief
 from armdyn.trajectory import messages, npz
 from armdyn.trajectory.formats.csv_table import PIECE_COLUMNS, UNITS
+from armdyn.trajectory.formats.ros2 import HELD
 from armdyn.trajectory.value import Hold
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".npz", *messages.SUFFIXES)
@@ -36,6 +37,9 @@ _NAMES = {
     "tau": "tau taus effort efforts torque torques u",
 }
 """Planners' names of time, positions, velocities, accelerations, torques; toppra's examples have ts_sample."""
+
+_HEADER = 4096
+"""Bytes of a message within which its header stands [bytes]."""
 
 _USAGE = "a table's first line is such as t,q1,q2,v1,v2; an npz has arrays t and q, and may have v, a, tau"
 
@@ -109,7 +113,7 @@ def read_planned(path: str | os.PathLike[str], joint_names: Sequence[str]) -> Pl
     `time,position_elbow,…`, or the joints' own names for their positions. A unit may stand behind a name in brackets:
     `_UNITS` are converted to SI. Where names have joints in them, columns may come in any order. An npz has arrays t
     and q, and may have v, a, tau, each of shape (n,) or (n, nv), by these names or toppra's. ROS 2's JointTrajectory
-    is read as `messages.read_message` says. Torques of a table of armdyn's are held from row to row.
+    is read as `messages.read_message` says. Torques of a table or message of armdyn's are held from row to row.
 
     Args:
         path: of a file .csv, .tsv or .txt; .npz; or .json, .yaml or .yml.
@@ -129,12 +133,14 @@ def read_planned(path: str | os.PathLike[str], joint_names: Sequence[str]) -> Pl
         raise TrajectoryError(f"{file}: there is no {' and no '.join(missing)}{joints}; {_USAGE}")
     with reraised(TrajectoryError, str(file)):
         arrays = {what: npz.bounded(array, what) for what, array in found.items()}
-    return Planned(**arrays, hold="zero-order" if read is _columns and _is_own(file) else "linear")
+    return Planned(**arrays, hold="zero-order" if suffix != ".npz" and _is_own(file) else "linear")
 
 
 def _is_own(file: Path) -> bool:
-    """Whether a table is one of `CsvTable`, by the unit of its torques: they are means until the next row."""
+    """Whether torques are means until the next row, as of `CsvTable`, by their unit, and `Ros2`, by its header."""
     with file.open("rb") as table:  # which has just been read: it is a file, and of bounded size
+        if file.suffix.lower() in messages.SUFFIXES:
+            return HELD.encode() in table.read(_HEADER)
         return f"[{UNITS['tau']}]".encode() in table.readline(MAX_BYTES)
 
 

@@ -45,6 +45,18 @@ def test_an_exported_motion_is_read_back(tmp_path, suffix):
         np.testing.assert_array_equal(getattr(planned, what), getattr(samples, what))
 
 
+def test_efforts_of_own_messages_are_held_and_those_of_others_are_not(tmp_path):
+    samples = Trajectory(T, Q, V, 3 * V, JOINTS).resample(100)
+    message = samples.to_joint_trajectory()
+    for own in (Ros2().text(samples), message, {"goal": {"trajectory": message}}, yaml.safe_dump(message)):
+        for name in ("a.json", "a.yaml") if not isinstance(own, str) or own[0] == "{" else ("a.yaml",):
+            assert read_planned(written(tmp_path, own, name), JOINTS).hold == "zero-order"  # means until the next row
+    message["header"]["frame_id"] = "base_link"
+    assert read_planned(written(tmp_path, message), JOINTS).hold == "linear"
+    table = samples.to_csv(tmp_path / "a.csv")
+    assert read_planned(table, JOINTS).hold == "zero-order"
+
+
 def test_joints_come_in_any_order_and_others_are_left_out(tmp_path):
     names = ["gripper", "elbow", "shoulder"]
     message = fields(joint_names=names)

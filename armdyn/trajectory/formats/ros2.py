@@ -23,6 +23,9 @@ _BETWEEN = 8
 
 _FIELDS = {"positions": "q", "velocities": "v", "accelerations": "a", "effort": "tau"}
 
+HELD = "armdyn: effort held to the next point"
+"""`header.frame_id` of own messages, which has no use in this message: tells readers what effort means."""
+
 _NO_YAML = re.compile("[^\x20-\x7e\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
 """Characters that YAML does not have unescaped in a text, and more: https://yaml.org/spec/1.1/#c-printable."""
 
@@ -99,7 +102,7 @@ def joint_trajectory(samples: Samples) -> dict[str, Any]:
     points: list[dict[str, Any]] = [dict(zip(_FIELDS, row, strict=True)) for row in rows]
     for point, stamp in zip(points, stamps.tolist(), strict=True):
         point["time_from_start"] = _stamp(stamp)
-    return {"header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}, "joint_names": names, "points": points}
+    return {"header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": HELD}, "joint_names": names, "points": points}
 
 
 def _stamp(nanoseconds: int) -> dict[str, int]:
