@@ -25,6 +25,7 @@ _KINDS = {
     stat.S_IFSOCK: "a socket",
     stat.S_IFCHR: "a device",
     stat.S_IFBLK: "a device",
+    stat.S_IFLNK: "a symbolic link",
 }
 
 
@@ -78,10 +79,23 @@ def read_text(path: str | os.PathLike[str], most: int) -> str:
         raise FileError(path, f"not UTF-8 (byte {error.start})") from None
 
 
-def _refuse_irregular(path: str | os.PathLike[str], found: os.stat_result) -> None:
+def _refuse_irregular(path: str | os.PathLike[str], found: os.stat_result, verb: str = "read") -> None:
     if not stat.S_ISREG(found.st_mode):
         kind = _KINDS.get(stat.S_IFMT(found.st_mode), "no file")
-        raise FileError(path, f"cannot be read (it is {kind}; give the path of a regular file)")
+        raise FileError(path, f"cannot be {verb} (it is {kind}; give the path of a regular file)")
+
+
+def refuse_replacing(path: str | os.PathLike[str]) -> None:
+    """Refuse a path at which there is anything but a regular file: no device, pipe, folder or link is ever replaced.
+
+    Links are not followed either: a file that a link points at may be in a store of files that never change (DVC,
+    git-annex), or another user's choice.
+
+    Raises:
+        FileError: there is something else.
+    """
+    with suppress(FileNotFoundError):
+        _refuse_irregular(path, os.lstat(path), "written")
 
 
 def _read(handle: int, path: str | os.PathLike[str], most: int) -> bytes:
@@ -133,10 +147,22 @@ def read_json(path: str | os.PathLike[str], most: int) -> object:
     """
     data = read_bounded(path, most)
     try:
+        return parse_json(data)
+    except ValueError as error:
+        raise FileError(path, f"not JSON ({error})") from None
+
+
+def parse_json(data: str | bytes) -> object:
+    """JSON as of `read_json`.
+
+    Raises:
+        ValueError: it is no such JSON.
+    """
+    try:
         content: object = json.loads(data, parse_constant=_refuse, parse_float=_finite, parse_int=_whole)
         json.dumps(content, ensure_ascii=False).encode()  # half a surrogate pair cannot be shown or saved
-    except (ValueError, RecursionError, MemoryError) as error:
-        raise FileError(path, f"not JSON ({error})") from None
+    except (RecursionError, MemoryError) as error:
+        raise ValueError(str(error)) from None
     return content
 
 
@@ -188,7 +214,7 @@ def write_whole(path: str | os.PathLike[str], data: bytes) -> Path:
 
     Raises:
         DiskFullError: there is no room for it.
-        FileError: the folder cannot be written.
+        FileError: the folder cannot be written, or there is a device, pipe, folder or link in the file's place.
     """
     path = Path(path_of(path, "path"))
     with writing_whole(path) as scratch:
@@ -201,6 +227,7 @@ def writing_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     """A scratch file that takes the place of a file when it is written; see `write_whole`."""
     path = Path(path_of(path, "path"))
     with _naming_unwritten_file(path):
+        refuse_replacing(path)
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         scratch = Path(name)
         try:
@@ -229,7 +256,7 @@ def probe_folder(folder: str | os.PathLike[str], *names: str) -> Path:
 
     Raises:
         DiskFullError: there is no room for a single byte.
-        FileError: it is no folder and cannot become one, it cannot be written, or has a folder of such a name.
+        FileError: it is no folder and cannot become one, it cannot be written, or such a name is no regular file's.
     """
     folder = Path(folder)
     made = [one for one in (folder, *folder.parents) if not os.path.lexists(one)]
@@ -238,8 +265,7 @@ def probe_folder(folder: str | os.PathLike[str], *names: str) -> Path:
         with tempfile.NamedTemporaryFile(dir=folder, prefix=".probe.", buffering=0) as file:
             file.write(b"?")
         for name in names:
-            if (folder / name).is_dir():
-                raise FileError(folder / name, "cannot be written (it is a folder; results need that name for a file)")
+            refuse_replacing(folder / name)
     except FileError:
         raise
     except (FileExistsError, NotADirectoryError):
@@ -279,9 +305,13 @@ def write_sealed(path: str | os.PathLike[str], data: bytes) -> Path:
     """Write a file for `read_sealed`: `write_whole`, with a checksum of its name and data at its end.
 
     The checksum is in the same file, so that one rename puts both in their place: of two files, processes that write
-    at the same time could leave one's data with the other's checksum.
+    at the same time could leave one's data with the other's checksum. Of the folder's own names nothing else is kept:
+    a pipe or a link is replaced, as a damaged file is.
     """
     path = Path(path)
+    with suppress(OSError):
+        if not stat.S_ISREG(path.lstat().st_mode):
+            path.unlink()
     return write_whole(path, data + _seal(path, data))
 
 

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 
+import armdyn as ad
 from armdyn.errors import ArmdynError, DiskFullError, FileError
 from armdyn.files import probe_folder, read_bounded, read_json, read_sealed, write_sealed, write_whole
+from armdyn.studies.rows import row_store
 
 
 def test_written_and_written_again(tmp_path):
@@ -19,6 +21,51 @@ def test_written_and_written_again(tmp_path):
     assert path.read_bytes() == b"two"
     assert path.stat().st_mode & 0o777 == 0o644
     assert list(tmp_path.iterdir()) == [path]
+
+
+def irregular_target(folder, kind):
+    """A path at which there is something that no file may take the place of; none of it is the machine's own."""
+    path, file = folder / "out.lock", folder / "file.csv"
+    if kind == "a named pipe":
+        os.mkfifo(path)
+    elif kind == "a folder":
+        path.mkdir()
+    elif kind == "a socket":
+        path = irregular(folder, kind)
+        return path.rename(folder / "out.lock")
+    elif kind == "a device":
+        try:
+            os.mknod(path, stat.S_IFCHR | 0o600, os.makedev(1, 3))
+        except PermissionError:
+            pytest.skip("no device can be made")
+    else:
+        if kind == "a link":
+            file.write_text("old")
+        path.symlink_to({"a link": file, "a dangling link": file, "a link to itself": path, "a link to a device":
+                         "/dev/null"}[kind])  # fmt: skip
+    return path
+
+
+IRREGULAR = ("a named pipe", "a folder", "a socket", "a device", "a link", "a dangling link", "a link to itself",
+             "a link to a device")  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", IRREGULAR)
+def test_only_regular_files_are_replaced(kind, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path, rr = irregular_target(tmp_path, kind), ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
+    motion, before = ad.ramp(rr, [0, 0], [1, 1], 1.0), {one: one.lstat() for one in tmp_path.iterdir()}
+    for write in (
+        lambda: write_whole(path, b"new"), lambda: probe_folder(path.parent, path.name), lambda: motion.to_csv(path),
+        lambda: motion.save(path), lambda: motion.resample(100.0).to_csv(path),
+        lambda: row_store(path, dict).__enter__(), lambda: row_store(tmp_path / path.stem, dict).__enter__(),
+    ):  # fmt: skip
+        with pytest.raises(FileError, match=r"cannot be written .it is a(?! regular)"):
+            write()
+    left = {one: one.lstat() for one in tmp_path.iterdir()}
+    assert {one: (at.st_mode, at.st_ino, at.st_size) for one, at in left.items()} == {
+        one: (at.st_mode, at.st_ino, at.st_size) for one, at in before.items()
+    }
 
 
 @pytest.mark.parametrize("failing", ["os.fsync", "pathlib.Path.replace"])
@@ -237,3 +284,5 @@ def test_a_damaged_seal_is_not_read(tmp_path):
     (tmp_path / "folder").mkdir()
     path.symlink_to(write_sealed(tmp_path / "folder" / "a.bin", b"one"))
     assert read_sealed(path, 100) is None
+    assert read_sealed(write_sealed(path, b"two"), 100) == b"two"  # the link is replaced, not the file behind it
+    assert read_sealed(tmp_path / "folder" / "a.bin", 100) == b"one"

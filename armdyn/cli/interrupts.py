@@ -139,10 +139,17 @@ def leave() -> NoReturn:
     if "--json" in sys.argv:
         # json was imported before anything was saved.
         text = sys.modules["json"].dumps(message()) if _State.saved else f'"{message()}"'
-        os.write(1, _ANSWER.replace("MESSAGE", text).encode())
+        _write(1, _ANSWER.replace("MESSAGE", text).encode())
     line = f"armdyn: {message()}\n".encode("utf-8", "backslashreplace")
-    os.write(2, (_SHOW_CURSOR if os.isatty(2) else b"") + line)
+    _write(2, (_SHOW_CURSOR if os.isatty(2) else b"") + line)
     os._exit(INTERRUPTED)
+
+
+def _write(number: int, data: bytes) -> None:
+    try:  # noqa: SIM105  # contextlib takes time to import
+        os.write(number, data)
+    except OSError:  # a full disk, a closed pipe: nothing is left to be told
+        pass
 
 
 def _on_interrupt(number: int, frame: FrameType | None) -> None:

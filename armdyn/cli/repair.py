@@ -21,9 +21,9 @@ def repaired(robot: str | None, part: PartOptions, out: Path | None) -> Answer:
     file = _urdf_of(robot)
     target = None
     if out is not None:
-        target = probe_folder(out.parent, out.name) / out.name
-        if target.exists() and target.samefile(file):
+        if out.exists() and out.samefile(file):
             raise ProblemError(f"--out is {out}, the URDF itself, which is never overwritten; name another file")
+        target = probe_folder(out.parent, out.name) / out.name
     found = models.repair_urdf(file, package_dirs=tuple(part.package_dir or ()))
     written = []
     if target is not None and found.inertias:

@@ -4,17 +4,17 @@ import errno
 import io
 import os
 import sys
-from typing import TextIO
+from typing import ClassVar, TextIO
 
 BAD_INPUT, DISK_FULL = 2, 5
 """Exit codes."""
 
 
 def make_robust() -> None:
-    """Make standard output and error robust: no encoding and no closed pipe raises an error.
+    """Make standard output and error robust: no encoding, no closed pipe and no full disk raises an error.
 
     A character that the terminal's encoding lacks is written as its escape. Output without a
-    reader is dropped, and the command continues: its files are still wanted.
+    reader, or without room, is dropped, and the command continues: its files are still wanted.
 
     Raises:
         SystemExit: standard output is closed.
@@ -35,9 +35,8 @@ def flushed(code: str | int | None) -> str | int | None:
     Args:
         code: that the command ends with.
     """
-    try:
-        sys.stdout.flush()
-    except OSError as error:
+    sys.stdout.flush()
+    if error := _UntilNobodyReads.failures.get(sys.stdout.fileno()):
         from armdyn.errors import DiskFullError
         from armdyn.files import is_full
 
@@ -45,8 +44,8 @@ def flushed(code: str | int | None) -> str | int | None:
         why = str(DiskFullError("standard output")) if full else f"standard output: {error.strerror}"
         if code != DISK_FULL:  # else the command has reported it
             sys.stderr.write(f"armdyn: {why}\n")
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # the interpreter tries once more
-        return code or (DISK_FULL if full else BAD_INPUT)
+        code = code or (DISK_FULL if full else BAD_INPUT)
+    sys.stderr.flush()
     return code
 
 
@@ -71,13 +70,16 @@ def _robust(stream: TextIO | None) -> TextIO | None:
 
 
 class _UntilNobodyReads(io.FileIO):
-    """A file that accepts data after the reader of the pipe has closed it."""
+    """A file that accepts data after the reader of the pipe has closed it, or the disk is full."""
+
+    failures: ClassVar[dict[int, OSError]] = {}
+    """Errors of files, by their descriptors, except closed pipes."""
 
     def write(self, data: "bytes | memoryview") -> int:  # type: ignore[override]  # a buffer, as BufferedWriter gives it
         try:
             return super().write(data)
         except OSError as error:
             if error.errno != errno.EPIPE:
-                raise
+                self.failures[self.fileno()] = error
             os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
             return len(data)

@@ -7,7 +7,19 @@ from armdyn.errors import ProblemError
 
 _WITH_UNIT = re.compile(r"(.*?[0-9.i])\s*(deg|°|rad|m)", re.DOTALL)
 """A number, which ends with a digit, a point or the i of pi, and its unit."""
-_PI = re.compile(r"([+-]?)(?:(\d+(?:\.\d*)?|\.\d+)\*?)?pi(?:/(\d+(?:\.\d*)?))?")
+_PI = re.compile(r"([+-]?)(?:(\d+(?:\.\d*)?|\.\d+)\*?)?pi(?:/(\d+(?:\.\d*)?))?", re.ASCII)
+
+
+def to_number(text: str) -> float:
+    """A decimal number as people write it; Python's other spellings (1_000, other scripts' digits) are refused.
+
+    Raises:
+        ValueError: it is no number. NaN and infinity are numbers here.
+    """
+    text = text.strip()
+    if "_" in text or not text.isascii():
+        raise ValueError(text)
+    return float(text)
 
 
 def number(text: str, what: str) -> float:
@@ -22,7 +34,7 @@ def number(text: str, what: str) -> float:
         if not divisor or float(divisor):
             return (-1 if sign == "-" else 1) * float(factor or 1) * math.pi / float(divisor or 1)
     try:
-        return float(text)
+        return to_number(text)
     except ValueError:
         raise ProblemError(f"{what}: {text!r} is not a number") from None
 

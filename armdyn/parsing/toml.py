@@ -23,7 +23,7 @@ _NAMES = 16
 """Names with dots between, at most: tomllib takes time with their square, a minute and a half for 60,000."""
 
 _NAME = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')"""
-_CHAIN = re.compile(rf"(?:{_NAME}[ \t]*\.[ \t]*){{{_NAMES}}}")
+_CHAIN = re.compile(rf"(?<![\w-])(?:{_NAME}[ \t]*\.[ \t]*){{{_NAMES}}}")
 _HEADER = re.compile(rf"[ \t]*\[\[?[ \t]*({_NAME}(?:[ \t]*\.[ \t]*{_NAME})*)[ \t]*\]")
 _UNCLEAR = re.compile(r"[\x00-\x1f\x7f]")
 _ARGUMENT = re.compile(r"`([a-z_]+)`")

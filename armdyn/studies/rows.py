@@ -13,8 +13,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, BinaryIO, Literal
 
-from armdyn.arguments import path_of
+from armdyn.arguments import path_of, shown
 from armdyn.errors import ArmdynError, DiskFullError, FileError, ProblemError, ResultError
+from armdyn.files import is_full, parse_json, probe_folder, refuse_replacing
 
 Value = Any
 """A setting's value, as JSON has it: a number, a text, or a list or table of these."""
@@ -68,6 +69,10 @@ class StudyRow:
 
 
 _COLUMNS = tuple(field.name for field in fields(StudyRow))
+_KINDS: dict[str, Any] = {
+    "good": int, "settings": str, "facts": str, "seconds": float | int, "attempts": int, "begun_from": int | None,
+}  # fmt: skip
+"""Types of the columns in the file, where SQLite may have another one in a damaged row; of others text."""
 
 
 class RowStore:
@@ -113,6 +118,8 @@ class RowStore:
         """Motion of a case as `motion_from` reads it; empty if none is stored."""
         with _errors(self.path):
             found = self._connection.execute("SELECT motion FROM motions WHERE k = ?", (k,)).fetchone()
+            if found and not isinstance(found[0], bytes):
+                raise ValueError(f"motion of case {k} is {shown(found[0])}")
         return found[0] if found else b""
 
     def counts(self) -> dict[str, int]:
@@ -125,9 +132,7 @@ class RowStore:
         """Rows from the number `first` on, by their numbers."""
         with _errors(self.path):
             for values in self._connection.execute("SELECT * FROM rows WHERE k >= ? ORDER BY k", (first,)):
-                row = dict(zip(_COLUMNS, values, strict=True))
-                read = {"good": bool(row["good"]), **{name: json.loads(row[name]) for name in ("settings", "facts")}}
-                yield StudyRow(**(row | read))
+                yield _row(values)
 
 
 @contextmanager
@@ -213,6 +218,31 @@ def _dumped(row: StudyRow) -> list[object]:
     return [json.dumps(dict(one), allow_nan=False) if isinstance(one, Mapping) else one for one in values.values()]
 
 
+def _row(values: Sequence[Any]) -> StudyRow:
+    """The row of the columns' values.
+
+    Raises:
+        ValueError: a value is none that `_dumped` gives.
+    """
+    row = dict(zip(_COLUMNS, values, strict=True))
+    for name, value in row.items():
+        if not isinstance(value, _KINDS.get(name, int if name == "k" else str)):
+            raise ValueError(f"{name} of case {shown(row['k'])} is {shown(value)}")
+    return StudyRow(**row | {"good": bool(row["good"])} | {name: _table(row[name]) for name in ("settings", "facts")})
+
+
+def _table(text: Any) -> dict[str, Any]:
+    """A JSON object.
+
+    Raises:
+        ValueError: the text is none.
+    """
+    found = parse_json(text) if isinstance(text, str) else None
+    if not isinstance(found, dict):
+        raise ValueError(f"{shown(text)} is no JSON object")
+    return found
+
+
 def _connected(path: Path) -> AbstractContextManager[sqlite3.Connection]:
     with _errors(path):
         return closing(sqlite3.connect(path, timeout=30.0))
@@ -226,7 +256,7 @@ def _begin(connection: sqlite3.Connection, path: Path, description: Mapping[str,
         raise ProblemError(f"the study's description is no JSON: {error}") from None
     if connection.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]:
         _check_kind(connection, path)
-        there = json.loads(connection.execute("SELECT asked FROM study").fetchone()[0])
+        there = _table(next(iter(connection.execute("SELECT asked FROM study").fetchone() or ()), None))
         different = list(differences(there, here))
         if not different:
             return
@@ -249,7 +279,9 @@ def _begin(connection: sqlite3.Connection, path: Path, description: Mapping[str,
 
 
 def _check_kind(connection: sqlite3.Connection, path: Path) -> None:
-    if connection.execute("PRAGMA application_id").fetchone()[0] != _ID:
+    """Refuse a file with other tables than a study's: a view or a trigger is a program, which need not end."""
+    found = {text for (text,) in connection.execute("SELECT sql FROM sqlite_master")}
+    if connection.execute("PRAGMA application_id").fetchone()[0] != _ID or found != set(_TABLES):
         raise ResultError(f"{path}: an SQLite file, but not one of a study")
 
 
@@ -258,10 +290,14 @@ def _locked(path: Path) -> Iterator[None]:
     """Hold the lock of a file, which ends with this process and its workers, however they end; removed without errors.
 
     Raises:
-        FileError: the folder cannot be written.
+        DiskFullError: the disk is full.
+        FileError: the folder cannot be written, or there is a device, pipe, folder or link in the place of a file.
         ResultError: another process holds it.
     """
     file, until = path.with_name(f"{path.name}.lock"), time.monotonic() + _LOCK_TIMEOUT
+    with _errors(path):
+        for end in ("", ".lock", "-wal", "-shm", "-journal"):
+            refuse_replacing(path.with_name(path.name + end))
     while (lock := _lock(path, file)) is None:
         if time.monotonic() > until:
             raise ResultError(f"{path}: another process is at this study")
@@ -276,12 +312,15 @@ def _lock(path: Path, file: Path) -> BinaryIO | None:
     """Open and lock a file; None if another process holds it, or has removed it since it was opened.
 
     Raises:
+        DiskFullError: the disk is full.
         FileError: the folder cannot be written.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         lock = file.open("ab")
     except OSError as error:
+        if is_full(error):
+            raise DiskFullError(path) from None
         raise FileError(path, f"cannot be written ({error.strerror}); give the path of a file that can") from None
     with suppress(OSError):
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -303,8 +342,10 @@ def _errors(path: Path) -> Iterator[None]:
     except sqlite3.OperationalError as error:
         if "full" in str(error):
             raise DiskFullError(path) from None
+        with suppress(FileError):
+            probe_folder(path.parent)  # a full disk is a "disk I/O error", too, where the -shm has no room
         raise FileError(path, f"cannot be used ({error})") from None
     except OSError as error:
         raise FileError(path, f"cannot be used ({error.strerror})") from None
-    except (sqlite3.DatabaseError, ValueError) as error:
+    except (sqlite3.DatabaseError, ValueError, RecursionError) as error:
         raise ResultError(f"{path}: no study's file, or damaged ({error})") from None

@@ -15,6 +15,7 @@ from armdyn.arguments import shown
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError, TrajectoryError, reraised
 from armdyn.files import read_bounded
+from armdyn.parsing.numbers import to_number
 from armdyn.parsing.yaml_text import read_yaml
 
 SUFFIXES = (".json", ".yaml", ".yml")
@@ -141,7 +142,7 @@ def _columns(file: Path, kind: str, points: Sequence[Mapping[Any, Any]], width: 
 def _number(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise TypeError
-    number = float(value)
+    number = to_number(value) if isinstance(value, str) else float(value)
     if not abs(number) < float("inf"):
         raise ValueError
     return number

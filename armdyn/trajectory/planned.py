@@ -17,6 +17,7 @@ from armdyn.arguments import path_of, shown
 from armdyn.arrays import Array
 from armdyn.errors import FileError, TrajectoryError, reraised
 from armdyn.files import read_bounded, read_text
+from armdyn.parsing.numbers import to_number
 from armdyn.reprs import brief
 from armdyn.trajectory import messages, npz
 from armdyn.trajectory.formats.csv_table import PIECE_COLUMNS, UNITS
@@ -44,7 +45,7 @@ _HEADER = 4096
 _USAGE = "a table's first line is such as t,q1,q2,v1,v2; an npz has arrays t and q, and may have v, a, tau"
 
 _MEANS = {word: what for what, words in _NAMES.items() for word in words.split()}
-_HEAD = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
+_HEAD = re.compile(r"(?!(?s:.{200}))\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
 _UNITS = {
     **dict.fromkeys(("", "s", "sec", "rad", "m", "N", "Nm"), 1.0),
     **dict.fromkeys(("deg", "degrees", "°"), np.pi / 180),
@@ -227,7 +228,7 @@ def _numbers(file: Path, rows: Iterable[tuple[int, list[str]]], names: Sequence[
             raise TrajectoryError(f"{file}, line {number}: {len(row)} values; the first line names {width}")
         for name, value in zip(names, row, strict=True):
             try:
-                values.append(float(value))
+                values.append(to_number(value))
             except ValueError:
                 if name in PIECE_COLUMNS:
                     values.append(np.nan)
@@ -240,8 +241,9 @@ def _sorted(file: Path, names: Sequence[str], table: Array, joints: Sequence[str
     """Columns of each quantity in the robot's order; unknown columns are left out."""
     found: dict[str, dict[int, Array]] = {}
     for k, name in enumerate(names):
-        match = _HEAD.fullmatch(name)
-        bare, unit = (match["name"], match["unit"] or "") if match else (name, "")
+        if (match := _HEAD.fullmatch(name)) is None:  # too long: the expressions take time with its square
+            continue
+        bare, unit = match["name"], match["unit"] or ""
         what, joint = _meaning(f"{bare}_{unit}" if unit.isdigit() else bare, joints)  # q[0] is q_0
         if what is None:
             continue

@@ -41,12 +41,17 @@ def test_closed_standard_error_disturbs_nothing():
 
 @pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is none")  # noqa: PTH110
-@pytest.mark.parametrize("command", ["urdf rr", "presets"])
+@pytest.mark.parametrize("command", ["urdf rr", "presets", "presets --json", "robots --json", "--help"])
 def test_full_standard_output_is_reported_once(command):
     done = shell(f"armdyn {command} > /dev/full")
     assert done.returncode == 5
     message = "armdyn: disk full while writing standard output; what was written before is whole"
     assert " ".join(done.stderr.split()) == message
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is none")  # noqa: PTH110
+def test_full_standard_error_changes_no_exit_code():
+    assert shell("armdyn urdf rrrr 2> /dev/full").returncode == 2
 
 
 @pytest.mark.slow

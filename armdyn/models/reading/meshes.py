@@ -13,6 +13,7 @@ import pinocchio as pin
 from armdyn.arrays import Array
 from armdyn.errors import FileError
 from armdyn.files import read_bounded
+from armdyn.parsing.numbers import to_number
 
 _MAX_MESH_BYTES = 256 * 2**20
 _MESH_FORMATS = (".stl", ".dae", ".obj", ".ply", ".off", ".glb", ".gltf")  # no archives: they may hold anything
@@ -24,7 +25,7 @@ def numbers(text: str | None, n: int, default: float) -> Array:
     Raises:
         ValueError: it is something else, or not finite.
     """
-    values = np.full(n, default) if text is None else np.array([float(word) for word in text.split()])
+    values = np.full(n, default) if text is None else np.array([to_number(word) for word in text.split()])
     if values.shape == (1,):
         values = np.repeat(values, n)
     if values.shape != (n,) or not np.all(np.isfinite(values)):

@@ -1,7 +1,6 @@
 """Untrusted XML: read in bounded time and memory, nothing in it expanded or followed."""
 
 import os
-import re
 from math import isfinite
 from pathlib import Path
 from xml.etree import ElementTree
@@ -10,6 +9,7 @@ from xml.parsers import expat
 from armdyn.arguments import shown
 from armdyn.errors import FileError, UrdfError
 from armdyn.files import read_text
+from armdyn.parsing.numbers import to_number
 
 MAX_BYTES = 32 * 2**20
 """A URDF larger than this is refused [bytes]; the largest known robots stay below 1 MiB."""
@@ -23,7 +23,6 @@ MAX_ELEMENTS = 200_000
 LARGEST = 1e9
 """Masses, moments, lengths and locked positions above are refused [SI]: no arm has them, and products overflow."""
 
-_NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _XACRO = "is xacro that was not expanded; run `xacro` on it first and give armdyn the result"
 
 
@@ -129,18 +128,6 @@ def parse_xml(text: str, source: str) -> ElementTree.Element:
             raise UrdfError(source, f"<xacro:…> {_XACRO}") from None
         raise UrdfError(source, f"not XML ({error})") from None
     return builder.close()
-
-
-def to_number(text: str) -> float:
-    """A decimal number as URDF writes it; Python's other spellings (1_000, other scripts' digits) are refused.
-
-    Raises:
-        ValueError: it is no number. NaN and infinity are numbers here: the caller refuses them as not finite.
-    """
-    value = float(text)
-    if abs(value) < float("inf") and not _NUMBER.fullmatch(text.strip()):
-        raise ValueError(text)
-    return value
 
 
 def finite_numbers(

@@ -19,9 +19,9 @@ import numpy as np
 from armdyn.arguments import number, shown
 from armdyn.arrays import Array
 from armdyn.errors import ArmdynError, ProblemError, did_you_mean
-from armdyn.models.reading.urdf_xml import parse_xml, read_urdf, to_number
+from armdyn.models.reading.urdf_xml import parse_xml, read_urdf
 from armdyn.models.values.per_joint import per_joint
-from armdyn.parsing.numbers import position
+from armdyn.parsing.numbers import position, to_number
 
 if TYPE_CHECKING:
     from armdyn.models.robots.arm import Arm

@@ -15,6 +15,7 @@ from armdyn.files import read_bounded
 from armdyn.models.scene.mesh import Mesh, grouped
 from armdyn.models.scene.shapes import Obstacle, Plane, primitive
 from armdyn.models.values.placement import pose_of
+from armdyn.parsing.numbers import to_number
 from armdyn.parsing.yaml_text import MAX_BYTES, read_yaml
 
 Read = tuple[tuple[Obstacle, ...], tuple[tuple[str, str], ...]]
@@ -199,7 +200,7 @@ def _numbers(value: Any, what: str) -> Array:
     keys = "xyzw" if isinstance(value, Mapping) and "w" in value else "xyz"
     members = [value.get(key, 0) for key in keys] if isinstance(value, Mapping) else value
     try:
-        found = np.array([float(one) for one in members])
+        found = np.array([to_number(str(one)) for one in members])
     except (TypeError, ValueError):
         raise ProblemError(f"{what} is {shown(value)}; it must be numbers") from None
     if not np.all(np.isfinite(found)):
