@@ -50,10 +50,9 @@ def sampled():
                 print(f"  {velocity}: from {rates[0]:.0f} Hz on without delay, {rates[1]:.0f} Hz with a tick")
             loop = ad.sampled_loop(*both, ad.Loop())
             for one in ad.loop_margins(loop) if loop.radius < 1 else ():
-                (low, high), phase, delay = one.gain, np.rad2deg(one.phase), 1e3 * one.delay
-                print(
-                    f"  joint {one.joint + 1}: gain {low:.3f} to {high:.2f}, phase {phase:.1f}°, delay {delay:.2f} ms"
-                )
+                low, high = np.ceil(1e3 * one.gain[0]) / 1e3, np.floor(1e2 * one.gain[1]) / 1e2
+                phase, delay = np.floor(10 * np.rad2deg(one.phase)) / 10, np.floor(1e6 * one.delay) / 1e3
+                print(f"  joint {one.joint + 1}: gain {low:g} to {high:g}, phase {phase:g}°, delay {delay:g} ms")
 
 
 def planes(name, form):

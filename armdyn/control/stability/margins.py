@@ -6,17 +6,19 @@ import numpy as np
 
 from armdyn.arguments import expect
 from armdyn.arrays import Array
-from armdyn.control.laws.linear import zero_order_hold
+from armdyn.control.stability.delay import delay_margin
 from armdyn.control.stability.sampled import SampledLoop
 from armdyn.errors import ProblemError
 
 _FREQUENCIES = 4000
 """Evaluated frequencies, evenly spaced in the logarithm, from a millionth of Nyquist's frequency up to it."""
 _DECADES = 6
-_ABOUT = np.linspace(-1.5, 1.5, 97)
-"""Further frequencies about each pole, in its distances from the unit circle: resonances are narrower than a step."""
+_ABOUT = np.linspace(-1.5, 1.5, 96)
+"""Further frequencies about each pole, in its distances from the unit circle: resonances are narrower than a step. None
+is the pole's own: an arm without friction has poles on the circle."""
 _APART = 1e-9
-"""Least relative distance of two frequencies: differences of closer ones are rounding."""
+"""Least distance of a pole from the circle, and least relative one of two frequencies: differences of closer ones are
+rounding."""
 _SINGULAR = 1e13
 """Condition of z I - A from which on z is a pole. Torques and angles in one state have up to 1e8 without one."""
 
@@ -30,7 +32,8 @@ class Margins:
         gain: factors of the torque (least, greatest) between which the loop is stable. The least is above 0 where
             only feedback keeps the arm up, 0 where the joint's loop may be opened; the greatest may be infinite.
         phase: least angle [rad] by which the torque may lag or lead at all its crossovers; infinite: no crossover.
-        delay: least additional delay [s] that makes the loop unstable, also of a part of a tick; infinite: none does.
+        delay: least additional delay [s] of the torque that makes the loop unstable, a part of a tick or many ticks;
+            infinite: none does.
         disk: α of the disk margin: gain and phase may change together within the disk about 1 with the diameter from
             (2 - α)/(2 + α) to (2 + α)/(2 - α) (Seiler, Packard, Gahinet, An Introduction to Disk Margins, IEEE Control
             Systems Magazine 40(5), 2020).
@@ -44,10 +47,11 @@ class Margins:
 
 
 def loop_margins(loop: SampledLoop) -> tuple[Margins, ...]:
-    """The margins of a stable sampled loop, joint by joint, by python-control.
+    """The margins of a stable sampled loop, joint by joint.
 
     The loop is broken where the arm feels one joint's torque. Crossings are found on 4,000 frequencies and more about
-    the loop's poles, and between them by interpolation, good to about 1e-4.
+    the loop's poles, and between them by python-control's interpolation, good to about 1e-4. Delays are exact to 1e-5,
+    see `delay_margin`.
 
     Args:
         loop: see `sampled_loop`.
@@ -97,22 +101,6 @@ def broken(loop: SampledLoop, joint: int) -> tuple[Array, Array, Array]:
     return A, loop.B[:, [joint]], -loop.C[[joint]]
 
 
-def late_radius(loop: SampledLoop, joint: int, part: float) -> float:
-    """Spectral radius if the arm feels one joint's torque a part of a tick later.
-
-    Args:
-        loop: see `sampled_loop`.
-        joint: which, from 0.
-        part: 0 to 1.
-    """
-    one = [joint]
-    within = zero_order_hold(*loop.arm, (1 - part) * loop.period)[1][:, one]
-    now = np.vstack([within, np.zeros((len(loop.A) - len(within), 1))])
-    before = loop.B[:, one] - now
-    matrix = np.block([[loop.matrix - before @ loop.C[one], before], [loop.C[one], np.zeros((1, 1))]])
-    return float(np.abs(np.linalg.eigvals(matrix)).max())
-
-
 def _expect_stable(loop: object) -> None:
     """Raise unless it is a sampled loop that is stable."""
     radius = expect(loop, SampledLoop, "loop", "sampled_loop(robot, q_goal, controller, loop)").radius
@@ -127,31 +115,15 @@ def _margins(loop: SampledLoop, joint: int) -> Margins:
     omega = frequencies(loop, opened[0])
     response = _response(loop, opened, omega)[:, 0, 0]
     data = control.FrequencyResponseData(response, omega, smooth=True)
-    gains, phases, _, _, crossovers, _ = control.stability_margins(data, returnall=True)
+    gains, phases, *_ = control.stability_margins(data, returnall=True)
     gains = np.append(gains, _at_ends(loop, joint))
-    lags = np.deg2rad(np.mod(phases, 360.0))
-    delay = float((lags / crossovers).min(initial=np.inf)) if crossovers.size else np.inf
     return Margins(
         joint=joint,
         gain=(float(max(gains[gains < 1], default=0.0)), float(min(gains[gains > 1], default=np.inf))),
         phase=float(np.abs(np.deg2rad(phases)).min(initial=np.inf)),
-        delay=_within_a_tick(loop, joint) if abs(response[-1]) > 1 else delay,
+        delay=delay_margin(loop, joint, opened, omega),
         disk=float(1 / np.abs(1 / (1 + response) - 0.5).max()),
     )
-
-
-def _within_a_tick(loop: SampledLoop, joint: int) -> float:
-    """Delay margin [s] of a loop whose response is above 1 at Nyquist's frequency.
-
-    There it is real, and a tick changes its sign, which no lag of a crossover shows: one tick makes the loop unstable.
-    """
-    from scipy.optimize import brentq
-
-    def unstable(part: float) -> float:
-        """Radius beyond 1; of the ends the sign is known, which rounding may turn."""
-        return part - 0.5 if part in (0.0, 1.0) else late_radius(loop, joint, part) - 1
-
-    return float(brentq(unstable, 0.0, 1.0)) * loop.period
 
 
 def frequencies(loop: SampledLoop, A: Array) -> Array:
@@ -165,7 +137,7 @@ def frequencies(loop: SampledLoop, A: Array) -> Array:
     even = np.geomspace(nyquist * 10.0**-_DECADES, nyquist, _FREQUENCIES)
     poles = np.linalg.eigvals(np.stack([loop.matrix, A]))
     poles = poles[poles.imag >= 0, None]
-    near = np.angle(poles) + np.abs(1 - np.abs(poles)) * _ABOUT
+    near = np.angle(poles) + np.maximum(np.abs(1 - np.abs(poles)), _APART) * _ABOUT
     found = np.sort(np.concatenate([even, near.ravel() / loop.period]))
     apart = np.append(np.diff(found) > _APART * found[1:], True)
     return np.asarray(found[(found >= even[0]) & (found <= nyquist) & apart])

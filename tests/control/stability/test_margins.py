@@ -10,11 +10,10 @@ from armdyn.control.laws.computed_torque import ComputedTorque
 from armdyn.control.laws.lqr import Lqr
 from armdyn.control.laws.pid import Pid, PidGains
 from armdyn.control.loop.loop import Loop
-from armdyn.control.stability.margins import _margins, broken, frequencies, late_radius, loop_margins, multiloop_disk
+from armdyn.control.stability.margins import broken, frequencies, loop_margins, multiloop_disk
 from armdyn.control.stability.region import GainRegion
 from armdyn.control.stability.sampled import sampled_loop
 from armdyn.errors import ProblemError
-from armdyn.models.robots.robot import Robot
 from pid_loops import example
 
 CASES = {
@@ -142,15 +141,3 @@ def test_narrow_resonances_are_met():
         disk = 1 / np.abs(1 / (1 + np.array(response)) - 0.5).max()
         assert one.disk == pytest.approx(disk, rel=1e-4)
         assert one.phase >= 2 * np.arctan(one.disk / 2) * (1 - 1e-4)
-
-
-@pytest.mark.slow
-def test_delay_of_a_part_of_a_tick():
-    """A torque that is large at every second tick bears less than a tick; the lag at its crossover says 1.2 ticks."""
-    robot = Robot.from_library("panda")
-    loop = sampled_loop(robot, robot.pose("ready"), Lqr(), Loop(rate=471.0, velocity="exact"))
-    one = _margins(loop, 6)
-    part = one.delay / loop.period
-    assert 0.1 < part < 1
-    assert late_radius(loop, 6, 0.999 * part) < 1 < late_radius(loop, 6, 1.001 * part) < late_radius(loop, 6, 1.0)
-    assert late_radius(loop, 6, 0.0) == pytest.approx(loop.radius, rel=1e-9)
