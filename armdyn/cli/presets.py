@@ -37,14 +37,14 @@ def presets(
 def _facts(preset: ad.ControllerPreset) -> dict[str, object]:
     """A preset for JSON, which has no infinite numbers."""
     facts: dict[str, object] = as_json(preset.to_table())
-    return facts | {"joints": len(preset.joints), "joint_names": [name for name in preset.joints if name]}
+    return facts | {"joints": len(preset.joints) or None, "joint_names": [name for name in preset.joints if name]}
 
 
 def _list(listed: list[ad.ControllerPreset]) -> Shown:
     rows = [
         (
             preset.name,
-            str(len(preset.joints)),
+            str(len(preset.joints) or "any"),
             f"{preset.chosen.rate:g}",
             ", ".join(one.name for one in preset.interfaces),
             _plain(preset.chosen.necessary),
@@ -76,7 +76,8 @@ def _limits(preset: ad.ControllerPreset) -> Shown:
     units = [UNITS["position" if name.startswith("position") else name] for name in columns]
     heads = [">" + "\n".join([*name.split("_"), f"[{unit}]"]) for name, unit in zip(columns, units, strict=True)]
     rows = [
-        (joint or str(i + 1), *(f"{row[i]:g}" for row in columns.values())) for i, joint in enumerate(preset.joints)
+        (joint or str(i + 1), *(f"{row[i]:g}" for row in columns.values()))
+        for i, joint in enumerate(preset.joints or ("any",))
     ]
     taper = "The velocity limits fall to zero towards the ends of the joints' ranges (docs/presets.md)."
     return table("\nLimits", ("joint", *heads), rows, caption="" if preset.limits.taper is None else taper)

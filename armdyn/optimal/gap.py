@@ -18,7 +18,7 @@ from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.arcs.arc import runs_of
-from armdyn.optimal.landing.limit_violations import worst_violation
+from armdyn.optimal.landing.limit_violations import table_excesses, worst_of
 from armdyn.optimal.landing.rollout import Segments, expect_motion_of, replay_torques
 from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -27,14 +27,13 @@ from armdyn.optimal.proof.repeat import OPEN_LOOP_GROWTH
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
+from armdyn.trajectory.interpolation import KEPT
 from armdyn.trajectory.planned import Planned
 
 BUSY = 0.95
 """Part of a limit above which a torque, from the middle of its range, or a speed makes a joint active."""
 AT_STOP = 1e-3
 """Distance from the end of the position range [rad or m] within which a joint rests on it, and is not idle."""
-FEASIBLE_TOLERANCE = 1e-3
-"""Excess over a limit, as a part of it, that is tolerated: planners keep limits at samples, not between."""
 _MISSED = 1e-6
 """Part of the duration by which a motion within its limits is faster where the search has missed the optimum; less is
 rounding."""
@@ -51,7 +50,7 @@ class MotionCheck:
     """Check of a motion: can the arm execute it?
 
     Attributes:
-        feasible: the motion keeps the torque, velocity and position limits, to `FEASIBLE_TOLERANCE`.
+        feasible: the motion keeps the torque, velocity and position limits, to `KEPT`.
         worst_violation: of a limit, relative to it (positions: to the range); None if none is exceeded.
         replay_error: distance of the replay's end from the motion's own end [rad or m]; infinite if the replay
             diverges. Large: torques and positions are inconsistent, or the samples too far apart. Of several pieces the
@@ -59,12 +58,14 @@ class MotionCheck:
         growth: largest singular value of ∂(end state)/∂(start state), open loop. Beyond
             `OPEN_LOOP_GROWTH` the motion is unstable, and other integrators' replays end elsewhere. Of several
             pieces the largest.
+        velocity_share: largest part of a joint's velocity limit that is used; 0 without a limit.
     """
 
     feasible: bool
     worst_violation: Violation | None
     replay_error: float
     growth: float
+    velocity_share: float
 
     @property
     def unstable(self) -> str:
@@ -75,31 +76,45 @@ class MotionCheck:
     def facts(self) -> dict[str, object]:
         """The check as JSON values; null for a replay that diverges."""
         worst = None if self.worst_violation is None else str(self.worst_violation)
-        return attributes(self, "feasible", "replay_error", "growth") | {"worst_violation": worst}
+        return attributes(self, "feasible", "replay_error", "growth", "velocity_share") | {"worst_violation": worst}
 
 
-def check_motion(robot: Robot, trajectory: Trajectory, limits: JointLimits | None = None) -> MotionCheck:
+def check_motion(
+    robot: Robot, trajectory: Trajectory, limits: JointLimits | None = None, a: ArrayLike | None = None
+) -> MotionCheck:
     """Check whether an arm can execute a motion, without a search for a faster one.
 
     Args:
         robot: the arm.
         trajectory: a motion of the arm, with torques.
         limits: limits to check; None: the robot's.
+        a: accelerations at its samples [rad/s² or m/s²], shape (n, nv), as a table may have them: between them the
+            motion is then the quintic of ros2_control, else the cubic.
 
     Raises:
         TrajectoryError: the trajectory is one of another robot, or a piece's model is not known, see `robots_of`.
     """
     _check_joints(robot, trajectory)
     limits = robot.limits if limits is None else limits
-    violation = worst_violation(robot, limits, trajectory, dense=2)
+    found = table_excesses(limits, trajectory, None if a is None else _accelerations(a, trajectory))
+    violation, bounded = worst_of(robot, found), np.isfinite(limits.velocity)
+    share = found[1].beyond[:, bounded] / limits.velocity[bounded]
     parts = [replace(part, pieces=()) for part in trajectory.split()]
     arms = robots_of(robot, trajectory)
     return MotionCheck(
-        feasible=violation is None or violation.value <= FEASIBLE_TOLERANCE,
+        feasible=violation is None or violation.value <= KEPT,
         worst_violation=violation,
         replay_error=max(_replay_error(arm, part) for arm, part in zip(arms, parts, strict=True)),
         growth=max(_growth(arm, part) for arm, part in zip(arms, parts, strict=True)),
+        velocity_share=1 + float(np.max(share)) if share.size else 0.0,
     )
+
+
+def _accelerations(a: ArrayLike, motion: Trajectory) -> Array:
+    given = numbers(a, "a", error=TrajectoryError)
+    if given.shape != motion.v.shape or not np.all(np.isfinite(given)):
+        raise TrajectoryError(f"a has shape {given.shape}; expected {motion.q.shape}, as q has, and finite")
+    return given
 
 
 def _replay_error(robot: Robot, motion: Trajectory) -> float:
@@ -181,6 +196,7 @@ def time_optimality(
     velocity_reserve: ArrayLike = 0.0,
     acceleration_limit: ArrayLike | None = None,
     jerk_limit: ArrayLike | None = None,
+    a: ArrayLike | None = None,
 ) -> TimeOptimality:
     """Compare a motion with the fastest one between its end states.
 
@@ -194,6 +210,7 @@ def time_optimality(
         acceleration_limit: the planner's limit [rad/s² or m/s²], which the fastest motion keeps, too; the trajectory
             itself is not checked for it.
         jerk_limit: likewise [rad/s³ or m/s³].
+        a: accelerations of the motion, see `check_motion`.
 
     Raises:
         TrajectoryError: the trajectory is one of another robot, or its payload changes.
@@ -212,7 +229,7 @@ def time_optimality(
         reserve=reserve, velocity_reserve=velocity_reserve, acceleration_limit=acceleration_limit,
         jerk_limit=jerk_limit,
     )  # fmt: skip
-    check = check_motion(robot, trajectory, problem.limits)
+    check = check_motion(robot, trajectory, problem.limits, a)
     idle, intervals = _idle_times(problem.limits, trajectory)
     options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
     return TimeOptimality(
@@ -257,10 +274,7 @@ def trajectory_from_path(
         raise TrajectoryError("two samples are a jump: positions there have no derivative; give the torques instead")
     speeds = CubicSpline(bare.t, bare.q)(bare.t, 1) if v is None else bare.v
     means = Planned(bare.t, bare.q, None if v is None else bare.v, None, None).accelerations
-    given = means() if a is None else numbers(a, "a", error=TrajectoryError)
-    if given.shape != bare.v.shape or not np.all(np.isfinite(given)):
-        raise TrajectoryError(f"a has shape {given.shape}; expected {bare.q.shape}, as q has, and finite")
-    tau = inverse_dynamics(robot)(bare.q, speeds, given)
+    tau = inverse_dynamics(robot)(bare.q, speeds, means() if a is None else _accelerations(a, bare))
     return Trajectory(bare.t, bare.q, speeds, tau, robot.joint_names, robot.marked(name), robot.model_hash)
 
 

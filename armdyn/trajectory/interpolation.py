@@ -10,6 +10,30 @@ INTERPOLATIONS = {1: "linear", 2: "cubic", 3: "quintic"}
 """ros2_control's joint_trajectory_controller goes from point to point by the lowest polynomial that has the given
 derivatives at both: https://control.ros.org/rolling/doc/ros2_controllers/joint_trajectory_controller/doc/trajectory.html"""
 
+PARTS = 64
+"""Parts of a step between rows at which a table is judged: the peak of a velocity that rises from rest and falls to
+rest within one step, as a parabola, is met to 2.5e-4 of it."""
+_MOST = 400_000
+"""Points at which a table is judged, beyond which its steps have fewer parts."""
+
+KEPT = 1e-3
+"""Excess over a limit, as a part of it, that is tolerated between rows: planners keep limits at samples."""
+
+
+def between_rows(t: Array, derivatives: Sequence[Array]) -> tuple[Array, Array, Array]:
+    """States along the polynomials that a controller runs between a table's rows: where its limits are judged.
+
+    Args:
+        t: times of the rows [s], shape (n,), increasing.
+        derivatives: as of `interpolated`.
+
+    Returns:
+        Times, shape (m,), positions and velocities, each of shape (m, nv); the rows are among them.
+    """
+    parts = int(np.clip(_MOST // t.size, 4, PARTS))
+    at = np.append((t[:-1, None] + np.diff(t)[:, None] * (np.arange(parts) / parts)).ravel(), t[-1])
+    return at, *interpolated(t, derivatives, at)[:2]
+
 
 def cubic(s: Array, h: Array, q: tuple[Array, Array], v: tuple[Array, Array]) -> tuple[Array, Array]:
     """Positions and velocities of the cubic that matches both ends of an interval.

@@ -150,7 +150,8 @@ def joint_names_in(path: str | os.PathLike[str], ends: Sequence[str]) -> tuple[s
 
     Args:
         path: of a file that `read_planned` reads.
-        ends: of the names, in the order of the joints; empty texts: any names, if the file has as many.
+        ends: of the names, in the order of the joints; empty texts: any names, if the file has as many; nothing: all
+            joints of a message.
 
     Raises:
         TrajectoryError: the file cannot be read, or two of its joints end alike.
@@ -159,6 +160,8 @@ def joint_names_in(path: str | os.PathLike[str], ends: Sequence[str]) -> tuple[s
     suffix = file.suffix.lower()
     with reraised(TrajectoryError, "", FileError):
         named = [] if suffix == ".npz" else messages.names_in(file) if suffix in messages.SUFFIXES else _bare(file)
+    if not ends and suffix in messages.SUFFIXES:
+        return tuple(named)
     if not any(ends):
         whole = suffix in messages.SUFFIXES and len(named) == len(ends)
         return tuple(named) if whole else tuple(f"joint{i + 1}" for i in range(len(ends)))

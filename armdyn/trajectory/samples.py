@@ -205,7 +205,7 @@ def samples_of(motion: Trajectory, rate: float | None, least: float) -> Samples:
         q, v, a = state.q, state.v, _accelerations(motion, t)
         tau = mean_torques(motion, t)
     for k in (0, -1):
-        q[k], v[k] = _end(motion, k)
+        q[k], v[k] = landed(motion, k)
         a[k] = a[k] if np.any(v[k]) else 0.0
     return Samples(
         t=t, q=q, v=v, a=a, tau=np.vstack([tau, tau[-1:]]),
@@ -214,7 +214,7 @@ def samples_of(motion: Trajectory, rate: float | None, least: float) -> Samples:
     )  # fmt: skip
 
 
-def _end(motion: Trajectory, k: int) -> tuple[Array, Array]:
+def landed(motion: Trajectory, k: int) -> tuple[Array, Array]:
     """Position and velocity at the start (k = 0) or the end (-1), without the residual of the landing."""
     q, v = motion.q[k], motion.v[k]
     if motion.ends is None or np.any(np.isnan(motion.ends[k])):

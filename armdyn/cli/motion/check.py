@@ -10,8 +10,10 @@ import armdyn as ad
 from armdyn.cli.console import Answer, Shown, escape, judged, table
 from armdyn.cli.options.groups import argument, given, option
 from armdyn.cli.options.path_constraints import known_presets, preset_named
+from armdyn.cli.options.poses import positions
 from armdyn.cli.options.robot import PartOptions, PayloadOptions, known_names
 from armdyn.errors import ProblemError
+from armdyn.parsing.numbers import numbers
 
 if TYPE_CHECKING:
     from armdyn.trajectory.planned import Planned
@@ -39,21 +41,27 @@ def check(
     interface: str | None = option("NAME", "position, velocity or torque; by default the preset's first."),
     robot: str | None = option(
         "ROBOT",
-        "Model of the arm: names of its joints, and torques by inverse dynamics where FILE has none.",
+        "Model of the arm: names of its joints, limits for ros2-jtc, torques by inverse dynamics where FILE has none.",
         autocompletion=known_names,
+    ),
+    present: str | None = option(
+        "Q,Q,…|NAME", "Positions of the arm before the motion, like --q-start of mintime: whether it starts there."
     ),
 ) -> Answer:
     """Check whether a robot's controller accepts a motion, any planner's.
 
     The motion becomes commands at the controller's rate: between its points straight lines where it has positions only,
-    cubics with velocities, quintics with accelerations, as in ros2_control's joint_trajectory_controller. Velocity,
-    acceleration and jerk are backward differences of the commands, as in libfranka; before and after the motion
-    the arm rests. Each condition is checked on each joint.
+    cubics with velocities, quintics with accelerations, as in ros2_control's joint_trajectory_controller. Positions and
+    velocities are checked all along; velocity, acceleration and jerk are backward differences of the commands, too, as
+    in libfranka; before and after the motion the arm rests. Each condition is checked on each joint.
+
+    The preset ros2-jtc has the rules of joint_trajectory_controller itself, for any arm; --robot adds the arm's limits.
 
     Exit code 3: a necessary condition is violated: the controller would stop the motion.
 
     [dim]armdyn check planned.csv --preset franka-panda
     armdyn check moveit.yaml --preset ur5e --robot ur5
+    armdyn check moveit.yaml --preset ros2-jtc --robot ur5 --present 0,-1.57,0,0,0,0
     armdyn check results/mintime-panda --preset franka-panda --interface torque
     armdyn check planned.csv --preset my_arm.toml --json[/]
     """
@@ -62,7 +70,11 @@ def check(
     if arm is None and given(payload, part):
         raise ProblemError("--payload, --lock, --arm, --tool and --package-dir need --robot")
     motion, names = _motion(file, chosen, arm)
-    found = chosen.check(motion, names)
+    chosen = chosen if arm is None else chosen.fitted(arm.limits, names)
+    at = None
+    if present is not None:
+        at = numbers(present, "--present") if arm is None else positions(present, "--present", arm)
+    found = chosen.check(motion, names, at)
     facts = {"success": found.ok, "status": "accepted" if found.ok else "refused", "message": str(found)}
     return judged(facts | found.facts(), *check_shown(found, file.name), usable=found.ok)
 
@@ -82,11 +94,13 @@ def _motion(
         motion = ad.Trajectory.load(file)
         return motion, motion.joint_names
     names = joint_names_in(file, preset.joints) if arm is None else arm.joint_names
+    if not (names or preset.joints):
+        raise ProblemError(f"{file}: its joints are not known: --robot ROBOT, as {preset.name} is for any arm")
     planned = read_planned(file, names)
     if arm is None and planned.tau is None and preset.interface == "torque":
         raise ProblemError(f"{file} has no torques, which the torque interface takes: --robot ROBOT computes them")
     if arm is not None and planned.tau is None and planned.t.size > 2:  # accelerations are differences of three
-        planned = replace(planned, tau=motion_of(arm, file).tau)
+        planned = replace(planned, tau=motion_of(arm, file).motion.tau)
     return planned, names
 
 

@@ -55,10 +55,12 @@ def optimality(
     if robot.robot.lower().endswith(SUFFIXES):
         raise ProblemError(f"{robot.robot} stands where the robot belongs: armdyn optimality ROBOT FILE")
     arm = joints.fit(robot.read(payload.carried()))
-    motion = motion_of(arm, file)
+    given = motion_of(arm, file)
     folder = results.folder("optimality", robot.robot, MOTIONS)
     with working(f"fastest motion of {arm.name}") as progress:
-        found = ad.time_optimality(arm, motion, search.options(), **joints.problem_arguments(), **vars(rates))
+        found = ad.time_optimality(
+            arm, given.motion, search.options(), a=given.a, **joints.problem_arguments(), **vars(rates)
+        )
         summary, solution = cut_short(_facts(found)), found.solution
         motions = {"trajectory": replace(found.trajectory, name=file.stem)}
         if solution.moves:

@@ -31,12 +31,14 @@ class Saved:
         motion: its motion.
         facts: of its result; empty for a bare motion.
         reference: the motion to follow, or the fastest one that it was compared with; None: neither.
+        a: accelerations of a planner's file, shape (n, nv); None: it has none.
     """
 
     path: Path
     motion: Trajectory
     facts: Facts
     reference: Trajectory | None = None
+    a: Array | None = None
 
 
 def read_saved(path: Path) -> Saved:
@@ -82,19 +84,20 @@ def is_given(path: Path) -> bool:
     return suffix != ".npz" or (path.is_file() and not is_trajectory_file(path))
 
 
-def motion_of(robot: ad.Robot, file: Path) -> Trajectory:
-    """The motion in a file; torques that it has not are computed.
+def motion_of(robot: ad.Robot, file: Path) -> Saved:
+    """The motion in a file, and its accelerations; torques that it has not are computed.
 
     Raises:
         TrajectoryError: it cannot be read, is of another robot, or its positions are degrees.
     """
     if is_trajectory_file(file):
-        return Trajectory.load(file)
+        return Saved(file, Trajectory.load(file), Facts())
     planned = read_planned(file, robot.joint_names)
     _refuse_degrees(robot, file, planned.q)
     with reraised(TrajectoryError, str(file), TrajectoryError):
         motion = ad.trajectory_from_path(robot, planned.t, planned.q, planned.v, planned.a, name=file.stem)
-    return motion if planned.tau is None else replace(motion, tau=planned.tau, hold=planned.hold)
+    motion = motion if planned.tau is None else replace(motion, tau=planned.tau, hold=planned.hold)
+    return Saved(file, motion, Facts(), a=None if planned.v is None else planned.a)
 
 
 def _refuse_degrees(robot: ad.Robot, file: Path, q: Array) -> None:

@@ -220,8 +220,8 @@ def read_moves(paths: Sequence[Path], spec: SubjectSpec) -> tuple[Subject, list[
         from armdyn.optimal.gap import check_motion
 
         moves = [
-            move if move.facts.values else replace(move, facts=Facts(check_motion(robot, move.motion).facts()))
-            for move in moves
+            move if one.facts.values else replace(move, facts=Facts(check_motion(robot, one.motion, a=one.a).facts()))
+            for move, one in zip(moves, results, strict=True)
         ]
         first, arms = _arms(results[0]), {robot.model_hash}
         arms |= first if is_motion_of(robot, results[0].motion) or robot.model_hash in first else set()
@@ -254,7 +254,7 @@ def _planned(path: Path, subject: Subject) -> Saved:
     """The motion of another planner."""
     if subject.robot is None:
         raise ProblemError(f"{path} needs its robot, which was not found: give --robot")
-    return Saved(path, motion_of(subject.robot, path), Facts())
+    return motion_of(subject.robot, path)
 
 
 def _named(results: Sequence[Saved]) -> list[ShownMotion]:

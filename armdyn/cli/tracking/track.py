@@ -63,7 +63,7 @@ class ReferenceOptions:
         if self.reference is not None:
             from armdyn.cli.reports.saved import motion_of
 
-            return motion_of(task.arm, self.reference)
+            return motion_of(task.arm, self.reference).motion
         if self.ramp is not None:
             return ad.ramp(task.arm, *task.ends(), checked(self.ramp, "--ramp", sign="positive"))
         solution = ad.solve_minimum_time(task.problem(), ad.MinimumTimeOptions(**task.solver_options), progress)

@@ -13,9 +13,10 @@ from armdyn.errors import TrajectoryError
 from armdyn.files import attributes
 from armdyn.models.presets.interface import REST_VELOCITY, UNITS, ControllerLimits, Interface
 from armdyn.reprs import brief
-from armdyn.trajectory import Trajectory
-from armdyn.trajectory.interpolation import INTERPOLATIONS, interpolated
+from armdyn.trajectory import Samples, Trajectory
+from armdyn.trajectory.interpolation import INTERPOLATIONS, KEPT, between_rows, interpolated
 from armdyn.trajectory.planned import Planned
+from armdyn.trajectory.samples import landed
 
 REST = 3
 """Ticks of rest before and after a motion: as many as the third difference reaches back."""
@@ -34,6 +35,9 @@ class Commands:
         interpolation: polynomials between the motion's points, a value of `INTERPOLATIONS`.
         sparse: whether points are further apart than ticks.
         rounding: smallest step of positions with a few digits after the point [rad]; 0: they have all of them.
+        between: times, positions and velocities along the interpolation, see `between_rows`; None: not of a table.
+        least: the shortest step between points [s], and where it begins [s].
+        away: distance of the first point from the present state [rad], shape (nv,); None: unknown.
     """
 
     t: Array
@@ -44,10 +48,18 @@ class Commands:
     interpolation: str
     sparse: bool
     rounding: float
+    between: tuple[Array, Array, Array] | None
+    least: tuple[float, float]
+    away: Array | None
 
 
-def commands_of(motion: Trajectory | Planned, rate: float) -> Commands:
-    """Commands at a rate [Hz] of a motion that `check_points` accepts.
+def commands_of(motion: Trajectory | Samples | Planned, rate: float, present: Array | None = None) -> Commands:
+    """Commands of a motion that `check_points` accepts.
+
+    Args:
+        motion: the motion.
+        rate: commands per second [Hz].
+        present: joint positions before the motion [rad], shape (nv,); None: unknown.
 
     Raises:
         TrajectoryError: there are too many ticks.
@@ -61,15 +73,27 @@ def commands_of(motion: Trajectory | Planned, rate: float) -> Commands:
     if isinstance(motion, Trajectory):
         apart = np.append(True, ~motion.jumps)  # of the two sides of a jump of the torque the first
         t, given, tau = motion.t[apart], [motion.q[apart], motion.v[apart]], motion(at).tau
+        for k in (0, -1):
+            given[0][k], given[1][k] = landed(motion, k)  # as in all rows of the motion
     else:
         t, given = motion.t, [motion.q]
         given += [] if motion.v is None else [motion.v] if motion.a is None else [motion.v, motion.a]
         tau = None if motion.tau is None else interpolated(t, [motion.tau], at)[0]
     q, v, _ = interpolated(t, given, at)
     v[(ticks < start) | (ticks > end)] = 0
-    ends = _differences(t, motion.q) if len(given) == 1 else interpolated(t, given, np.array([start, end]))[1:]
-    sparse = bool(np.max(np.diff(t)) > 1.5 / rate)
-    return Commands(at, q, v, tau, np.stack(ends), INTERPOLATIONS[len(given)], sparse, _rounding(motion.q))
+    if len(given) == 1:
+        ends = _differences(t, motion.q)
+    else:
+        ends = given[1][[0, -1]], interpolated(t, given, np.array([start, end]))[2]
+    steps = np.diff(t)
+    shortest = int(np.argmin(steps))
+    return Commands(
+        at, q, v, tau, np.stack(ends), INTERPOLATIONS[len(given)],
+        sparse=bool(np.max(steps) > 1.5 / rate), rounding=_rounding(motion.q),
+        between=None if isinstance(motion, Trajectory) else between_rows(t, given),
+        least=(float(steps[shortest]), float(t[shortest])),
+        away=None if present is None else motion.q[0] - present,
+    )  # fmt: skip
 
 
 def _rounding(q: Array) -> float:
@@ -91,7 +115,7 @@ def _differences(t: Array, q: Array) -> tuple[Array, Array]:
     return velocities[[0, -1]] + np.array([[-1.0], [1.0]]) * a * h[[0, -1]] / 2, a
 
 
-def check_points(motion: Trajectory | Planned) -> None:
+def check_points(motion: Trajectory | Samples | Planned) -> None:
     """Check times and shapes of a motion.
 
     Raises:
@@ -110,7 +134,7 @@ def check_points(motion: Trajectory | Planned) -> None:
 
 
 TOLERANCE = 1e-6
-"""Part of a limit by which a value may exceed it, as in planned motions."""
+"""Part of a limit by which a command may exceed it, as in planned motions; between rows it is `KEPT`."""
 
 REST_ACCELERATION = 1e-2
 """Acceleration at an end that counts as zero [rad/s²], where no jerk limit bounds the change in one tick."""
@@ -218,25 +242,28 @@ class ControllerCheck:
 
 
 def controller_check(
-    preset: str, limits: ControllerLimits, interface: Interface, joints: Sequence[str], motion: Trajectory | Planned
+    preset: str, limits: ControllerLimits, interface: Interface, joints: Sequence[str], commands: Commands
 ) -> ControllerCheck:
-    """Check a motion against the conditions of an interface.
+    """Check commands against the conditions of an interface.
 
     Args:
         preset: name of the preset.
         limits: limits of the controller.
         interface: command interface, with its rate and conditions.
         joints: names of the joints, in the motion's order.
-        motion: with one column per joint.
+        commands: with one column per joint.
 
     Raises:
-        TrajectoryError: the motion cannot be sampled, or has no torques and the interface takes them.
+        TrajectoryError: the motion has no torques and the interface takes them.
     """
-    commands = commands_of(motion, interface.rate)
     about_torque = [name for name in interface.conditions if name.startswith("torque") and commands.tau is None]
     if interface.name == "torque" and about_torque:
         raise TrajectoryError(f"the motion has no torques, but the torque interface of {preset} takes them")
-    notes = [f"not checked, the motion has no torques: {', '.join(about_torque)}"] if about_torque else []
+    unlimited = [name for name in ("position", "velocity") if name in interface.conditions and not limits.known(name)]
+    unknown = [name for name in ("start",) if name in interface.conditions and commands.away is None]
+    reasons = (("the motion has no torques", about_torque), ("no robot says its limits", unlimited),
+               ("the present state is not known", unknown))  # fmt: skip
+    notes = [f"not checked, {why}: {', '.join(names)}" for why, names in reasons if names]
     if commands.interpolation == "linear" and commands.sparse:
         notes.append("the points have positions only: the controller moves straight from one to the next")
     noise = 4 * commands.rounding * interface.rate**3  # of +1, -3, +3, -1, each half a step off
@@ -245,7 +272,7 @@ def controller_check(
     rows = [
         row
         for condition in interface.conditions
-        if condition not in about_torque
+        if condition not in (*about_torque, *unlimited, *unknown)
         for row in _rows(condition, limits, interface, joints, commands)
     ]
     return ControllerCheck(preset, interface.name, interface.rate, tuple(rows), commands.interpolation, tuple(notes))
@@ -254,26 +281,44 @@ def controller_check(
 def _rows(
     condition: str, limits: ControllerLimits, interface: Interface, joints: Sequence[str], commands: Commands
 ) -> Iterator[ConditionCheck]:
-    """Check one condition on every joint that has a limit."""
-    times, values, bounds, shares = _measured(condition, limits, interface, commands)
-    for i, joint in enumerate(joints):
-        if not np.any(np.isfinite(bounds[:, i])):
+    """Check one condition on every joint that has a limit: its commands, and the motion between its points."""
+    parts = [(*_measured(condition, limits, interface, commands), TOLERANCE)]
+    if commands.between is not None and condition in ("position", "velocity"):
+        between = _between(condition, limits, *commands.between)
+        if commands.sparse or np.any(between[3] > 1 + KEPT):  # a point per tick: the commands, if the rest is tolerated
+            parts.append((*between, KEPT))
+    for i, joint in enumerate(("all joints",) if condition == "time_step" else joints):
+        if not np.any(np.isfinite(parts[0][2][:, i])):
             continue
-        k = int(np.argmax(shares[:, i]))
-        over = shares[:, i] > 1 + TOLERANCE
-        first = int(np.argmax(over)) if np.any(over) else None
+        found, worst = list[tuple[float, float]](), []
+        for times, values, bounds, shares, tolerance in parts:
+            k, over = int(np.argmax(shares[:, i])), np.flatnonzero(shares[:, i] > 1 + tolerance)
+            worst.append((shares[k, i], values[k, i], bounds[k, i], times[k]))
+            found += [(float(times[first]), float(values[first, i])) for first in over[:1]]
+        share, value, limit, time = map(float, max(worst))
+        first, first_value = min(found, default=(None, None))
         yield ConditionCheck(
-            condition=condition,
-            necessary=condition in interface.necessary,
-            joint=joint,
-            value=float(values[k, i]),
-            limit=float(bounds[k, i]),
-            unit=UNITS[condition],
-            time=float(times[k]),
-            first=None if first is None else float(times[first]),
-            first_value=None if first is None else float(values[first, i]),
-            share=float(shares[k, i]),
-        )
+            condition, condition in interface.necessary, joint, value, limit, UNITS[condition], time, first,
+            first_value, share,
+        )  # fmt: skip
+
+
+def _between(
+    condition: str, limits: ControllerLimits, t: Array, q: Array, v: Array
+) -> tuple[Array, Array, Array, Array]:
+    """As `_measured`, of the positions or velocities along the interpolation."""
+    if condition == "position":
+        return _positions(t, q, np.asarray(limits.position_lower), np.asarray(limits.position_upper))
+    bounds = _velocity_bounds(limits, q, v)
+    return t, v, bounds, np.abs(v) / np.maximum(bounds, 1e-9)
+
+
+def _velocity_bounds(limits: ControllerLimits, q: Array, v: Array) -> Array:
+    bounds: Array = np.broadcast_to(np.asarray(limits.velocity), v.shape)
+    if limits.taper is None:
+        return bounds
+    lower, upper = limits.taper.at(q)
+    return np.maximum(np.minimum(bounds, np.where(v < 0, -lower, upper)), REST_VELOCITY)
 
 
 def _measured(
@@ -283,6 +328,8 @@ def _measured(
     t, q, rate = commands.t, commands.q, interface.rate
     if condition == "position":
         return _positions(t, q, np.asarray(limits.position_lower), np.asarray(limits.position_upper))
+    if condition in _ONCE:
+        return _once(condition, limits, commands)
     if condition.startswith("zero_"):
         return _ends(condition, limits, rate, commands)
     if condition.startswith("torque"):
@@ -294,11 +341,29 @@ def _measured(
             order, values = order - 1, commands.v
     values = np.diff(values, n=order, axis=0) * rate**order  # backward: the last of its ticks is its own
     t, last = t[order:], q[max(order - 1, 0) : -1 if order else None]
-    bounds = np.broadcast_to(np.asarray(getattr(limits, condition)), values.shape)
-    if condition == "velocity" and limits.taper is not None:
-        lower, upper = limits.taper.at(last)  # the position of the last command: libfranka's control_loop.cpp
-        bounds = np.maximum(np.minimum(bounds, np.where(values < 0, -lower, upper)), REST_VELOCITY)
+    if condition == "velocity":  # the position of the last command: libfranka's control_loop.cpp
+        bounds = _velocity_bounds(limits, last, values)
+    else:
+        bounds = np.broadcast_to(np.asarray(getattr(limits, condition)), values.shape)
     return t, values, bounds, np.abs(values) / np.maximum(bounds, 1e-9)
+
+
+_ONCE = ("end_velocity", "time_step", "start")
+"""Conditions that hold at one time."""
+
+
+def _once(condition: str, limits: ControllerLimits, commands: Commands) -> tuple[Array, Array, Array, Array]:
+    """As `_measured`, of a condition in `_ONCE`."""
+    step, begin = commands.least
+    time, value = {
+        "end_velocity": (float(commands.t[-1]), commands.ends[0, 1]),
+        "time_step": (begin, step),
+        "start": (float(commands.t[0]), commands.away),
+    }[condition]
+    values = np.reshape(value, (1, -1))
+    bounds = np.broadcast_to(np.asarray(getattr(limits, condition)), values.shape)
+    shares = bounds / values if condition == "time_step" else np.abs(values) / bounds
+    return np.array([time]), values, bounds, shares
 
 
 def _positions(t: Array, q: Array, lower: Array, upper: Array) -> tuple[Array, Array, Array, Array]:

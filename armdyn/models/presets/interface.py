@@ -24,8 +24,14 @@ UNITS = {
     "torque_rate": "N m/s",
     "zero_velocity": "rad/s",
     "zero_acceleration": "rad/s²",
+    "end_velocity": "rad/s",
+    "time_step": "s",
+    "start": "rad",
 }
 """Units of the conditions' values, by the conditions' names; the zero_ conditions hold at both ends of a motion."""
+
+OF_ROBOT = ("position_lower", "position_upper", "velocity")
+"""Limits that a preset for any arm takes from the robot."""
 
 REST_VELOCITY = 1e-3
 """Velocity that counts as rest, allowed wherever a limit is lower [rad/s]: libfranka's own tolerance."""
@@ -93,6 +99,9 @@ class ControllerLimits:
         jerk: [rad/s³].
         torque: [N m].
         torque_rate: [N m/s].
+        end_velocity: largest velocity at the end [rad/s].
+        time_step: least time between two points [s].
+        start: largest distance of the first point from the present state [rad].
         taper: velocity limits that depend on the position, besides `velocity`.
     """
 
@@ -103,10 +112,17 @@ class ControllerLimits:
     jerk: Numbers | None = None
     torque: Numbers | None = None
     torque_rate: Numbers | None = None
+    end_velocity: Numbers | None = None
+    time_step: Numbers | None = None
+    start: Numbers | None = None
     taper: VelocityTaper | None = None
 
-    def expect(self, condition: str) -> None:
-        """Refuse a condition without a limit.
+    def known(self, condition: str) -> bool:
+        """Whether a condition on positions or velocities has its limits."""
+        return (self.position_lower if condition == "position" else self.velocity) is not None
+
+    def expect(self, condition: str, any_arm: bool = False) -> None:
+        """Refuse a condition without a limit; limits `OF_ROBOT` of a preset for any arm may be missing.
 
         Raises:
             ProblemError: there is no such condition, or no limit.
@@ -116,7 +132,7 @@ class ControllerLimits:
         if condition.startswith("zero_"):
             return
         for name in ("position_lower", "position_upper") if condition == "position" else (condition,):
-            if getattr(self, name) is None:
+            if getattr(self, name) is None and not (any_arm and name in OF_ROBOT):
                 raise ProblemError(f"condition {condition!r} has no limit: give {name} in [limits]")
 
 
@@ -133,6 +149,8 @@ MOST_LETTERS = 1000
 """Most letters of a text in a preset."""
 
 KINDS = ("necessary", "recommended")
+ANY = "any"
+"""Value of `joints` of a preset for all arms, whose limits are one number for all joints."""
 TEXTS = ("name", "robot", "date")
 LISTS = ("sources", "not_public")
 
@@ -159,7 +177,9 @@ def _line_of(table: Table, key: str, value: str) -> str:
 
 
 def _joints_of(table: Table) -> tuple[str, ...]:
-    """Ends of the joints' names; empty texts where only their number is known."""
+    """Ends of the joints' names; empty texts where only their number is known; nothing: of any arm."""
+    if table.values.get("joints") == ANY:
+        return ()
     if isinstance(table.values.get("joints"), list):
         names = _texts_of(table, "joints")
     else:
@@ -202,7 +222,7 @@ def _taper_of(table: Table, joints: Sequence[str]) -> VelocityTaper | None:
     return VelocityTaper(**rows)
 
 
-def _interfaces_of(table: Table, limits: ControllerLimits) -> tuple[Interface, ...]:
+def _interfaces_of(table: Table, limits: ControllerLimits, any_arm: bool) -> tuple[Interface, ...]:
     """Command interfaces; each of their conditions must have a limit."""
     inner, found = table.table("interfaces"), []
     inner.only(COMMANDED)
@@ -218,7 +238,7 @@ def _interfaces_of(table: Table, limits: ControllerLimits) -> tuple[Interface, .
             conditions[kind] = _texts_of(own, kind)
             for condition in conditions[kind]:
                 with own.at(kind):
-                    limits.expect(condition)
+                    limits.expect(condition, any_arm)
         found.append(Interface(name, rate, **conditions))
     return tuple(found)
 
@@ -231,6 +251,7 @@ def preset_fields(table: Table) -> dict[str, Any]:
         raise table.error("name", f"{table.called('name')} is missing: the preset's name")
     found |= {key: _texts_of(table, key) for key in LISTS}
     joints = _joints_of(table)
-    limits = ControllerLimits(**_limits_of(table, joints, "limits", LIMITS), taper=_taper_of(table, joints))
+    columns = joints or ("",)
+    limits = ControllerLimits(**_limits_of(table, columns, "limits", LIMITS), taper=_taper_of(table, columns))
     with table.at("interfaces"):
-        return found | {"joints": joints, "limits": limits, "interfaces": _interfaces_of(table, limits)}
+        return found | {"joints": joints, "limits": limits, "interfaces": _interfaces_of(table, limits, not joints)}

@@ -9,16 +9,19 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from armdyn.arguments import each, one_of, several, shown, text
+from armdyn.arguments import each, numbers, one_of, several, shown, text
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError, TrajectoryError, did_you_mean
 from armdyn.files import file_inside
-from armdyn.models.presets.check import ControllerCheck, check_points, controller_check
+from armdyn.models.presets.check import ControllerCheck, check_points, commands_of, controller_check
 from armdyn.models.presets.interface import (
+    ANY,
     KINDS,
     LIMITS,
     LISTS,
+    OF_ROBOT,
     TEXTS,
     UNITS,
     ControllerLimits,
@@ -26,9 +29,10 @@ from armdyn.models.presets.interface import (
     VelocityTaper,
     preset_fields,
 )
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.parsing.toml import Table, read_toml
 from armdyn.reprs import brief
-from armdyn.trajectory import Trajectory
+from armdyn.trajectory import Samples, Trajectory
 from armdyn.trajectory.planned import Planned
 
 _DATA = Path(__file__).parent / "data"
@@ -43,6 +47,7 @@ class ControllerPreset:
         name: name of the preset.
         robot: name of the robot and its controller.
         joints: ends of the joints' names, in their order: joint "joint1" is "panda_joint1", too. Empty texts: any name.
+            Nothing: of any arm, whose limits `fitted` fills in.
         limits: limits of the controller.
         interfaces: command interfaces, the default first.
         interface: name of the chosen interface: "position", "velocity" or "torque".
@@ -66,7 +71,7 @@ class ControllerPreset:
             raise ProblemError(f"preset {self.name!r} has no interface: give [interfaces.position]")
         for one in self.interfaces:
             for condition in one.conditions:
-                self.limits.expect(condition)
+                self.limits.expect(condition, not self.joints)
         names = [one.name for one in self.interfaces]
         object.__setattr__(self, "interface", self.interface or names[0])
         if self.interface not in names:
@@ -75,7 +80,8 @@ class ControllerPreset:
             )
 
     def _repr_parts(self) -> list[str]:
-        return [repr(self.name), f"{len(self.joints)} joints", f"{self.interface} interface at {self.chosen.rate:g} Hz"]
+        joints = f"{len(self.joints) or ANY} joints"
+        return [repr(self.name), joints, f"{self.interface} interface at {self.chosen.rate:g} Hz"]
 
     @classmethod
     def names(cls) -> tuple[str, ...]:
@@ -140,7 +146,7 @@ class ControllerPreset:
         limits = {key: list(row) for key in LIMITS if (row := getattr(self.limits, key)) is not None}
         written: dict[str, Any] = {key: getattr(self, key) for key in (*TEXTS, "interface") if getattr(self, key)}
         written |= {key: list(getattr(self, key)) for key in LISTS if getattr(self, key)}
-        written |= {"joints": list(self.joints) if named else len(self.joints), "limits": limits}
+        written |= {"joints": (list(self.joints) if named else len(self.joints)) or ANY, "limits": limits}
         if self.limits.taper is not None:
             written["velocity_taper"] = {key: list(row) for key, row in asdict(self.limits.taper).items()}
         written["interfaces"] = {
@@ -176,6 +182,18 @@ class ControllerPreset:
         kept = [replace(one, **left) if one.name == self.interface else one for one in self.interfaces]
         return replace(self, interfaces=tuple(kept))
 
+    def fitted(self, limits: JointLimits, joints: Sequence[str]) -> Self:
+        """A preset for any arm with the position and velocity limits of one; another preset as it is.
+
+        Args:
+            limits: of the arm.
+            joints: names of its joints.
+        """
+        if self.joints:
+            return self
+        own: dict[str, Any] = {name: tuple(getattr(limits, name).tolist()) for name in OF_ROBOT}
+        return replace(self, joints=tuple(joints), limits=replace(self.limits, **own))
+
     def limit(self, name: str) -> Array | None:
         """A limit of the chosen interface, shape (nv,); None: no condition of the interface has it.
 
@@ -201,34 +219,42 @@ class ControllerPreset:
             ProblemError: another number of joints, or other names.
         """
         names = each(joints, "joints", text)
-        if len(names) != len(self.joints):
+        if self.joints and len(names) != len(self.joints):
             raise ProblemError(
                 f"preset {self.name!r} has {len(self.joints)} joints, but {whose} has {len(names)}: "
                 f"{', '.join(names)[:300]}"
             )
-        for name, own in zip(names, self.joints, strict=True):
+        for name, own in zip(names, self.joints, strict=bool(self.joints)):
             if not name.endswith(own):
                 raise ProblemError(
                     f"preset {self.name!r} has joints {', '.join(self.joints)[:300]}; {whose} has {shown(name)} in the "
                     f"place of {own!r}"
                 )
 
-    def check(self, motion: Trajectory | Planned, joint_names: Sequence[str] = ()) -> ControllerCheck:
+    def check(
+        self,
+        motion: Trajectory | Samples | Planned,
+        joint_names: Sequence[str] = (),
+        present: ArrayLike | None = None,
+    ) -> ControllerCheck:
         """Check a motion as the controller sees it: commands at its rate, differentiated backwards.
 
         Between its points a motion is interpolated as ros2_control's joint_trajectory_controller does: linear if it
-        has positions only, cubic with velocities, quintic with accelerations. The arm rests before and after it.
+        has positions only, cubic with velocities, quintic with accelerations; positions and velocities are checked all
+        along. The arm rests before and after it.
 
         Args:
-            motion: a trajectory, or another planner's motion as `armdyn.trajectory.planned.read_planned` reads it.
+            motion: a trajectory, its samples, or another planner's motion as `armdyn.trajectory.planned.read_planned`
+                reads it.
             joint_names: names of the motion's joints; by default the trajectory's own, or the preset's.
+            present: joint positions of the arm before the motion [rad or m], shape (nv,); None: unknown.
 
         Raises:
             ProblemError: the motion is of other joints than the preset's.
             TrajectoryError: it has too few points, times do not increase, or it has no torques and the interface takes
-                them.
+                them; or `present` is not one number per joint.
         """
-        if not isinstance(motion, Trajectory | Planned):
+        if not isinstance(motion, Trajectory | Samples | Planned):
             raise TrajectoryError(f"motion is {shown(motion)}; expected a Trajectory")
         check_points(motion)
         count = motion.q.shape[1]
@@ -237,4 +263,7 @@ class ControllerPreset:
         if len(names) != count:
             names = [f"column {i + 1}" for i in range(count)]
         self.expect_joints(names, "the motion")
-        return controller_check(self.name, self.limits, self.chosen, names, motion)
+        at = None if present is None else numbers(present, "present", error=TrajectoryError)
+        if at is not None and at.shape != (count,):
+            raise TrajectoryError(f"present has shape {at.shape}; expected one position per joint, ({count},)")
+        return controller_check(self.name, self.limits, self.chosen, names, commands_of(motion, self.chosen.rate, at))

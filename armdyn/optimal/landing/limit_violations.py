@@ -4,6 +4,7 @@ Time scaled by s > 1 divides velocities by s, and torques without gravity's part
 manipulator trajectories, 1984): where gravity's torque is within the limits the torques stay within them.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +18,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Sample, Trajectory
-from armdyn.trajectory.interpolation import cubic
+from armdyn.trajectory.interpolation import between_rows, cubic
 
 BETWEEN = 8
 """Number of points between samples at which velocities and positions are checked."""
@@ -66,7 +67,24 @@ def excesses(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> t
         dense: number of points between samples at which velocities and positions are checked; 1: only the samples.
     """
     t, q, v = _between(motion, dense)
-    t, q, v = np.append(motion.t, t), np.vstack([motion.q, q]), np.vstack([motion.v, v])
+    return _excesses(limits, motion, np.append(motion.t, t), np.vstack([motion.q, q]), np.vstack([motion.v, v]))
+
+
+def table_excesses(limits: JointLimits, motion: Trajectory, a: Array | None = None) -> tuple[Excess, Excess, Excess]:
+    """Excesses of a table over its torque, velocity and position limits, as ros2_control runs it: see `between_rows`.
+
+    Args:
+        limits: limits to check.
+        motion: the table; of the two samples of a jump the first is a row.
+        a: accelerations at its samples [rad/s² or m/s²], shape (n, nv); None: the controller is not given any.
+    """
+    rows = np.append(True, ~motion.jumps)
+    given = [motion.q, motion.v] if a is None else [motion.q, motion.v, a]
+    return _excesses(limits, motion, *between_rows(motion.t[rows], [each[rows] for each in given]))
+
+
+def _excesses(limits: JointLimits, motion: Trajectory, t: Array, q: Array, v: Array) -> tuple[Excess, Excess, Excess]:
+    """Excesses of a motion over its torque limits at its samples, and of states at times t over the others."""
     pushed = limits.actuators.excess(motion.tau, motion.q, motion.v)
     fastest = np.where(np.isinf(limits.velocity), 1.0, limits.velocity)
     beyond = np.maximum(q - limits.position_upper, limits.position_lower - q)
@@ -99,7 +117,12 @@ def limit_violation(limits: JointLimits, motion: Trajectory, dense: int = BETWEE
 
 def worst_violation(robot: Robot, limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> Violation | None:
     """The largest excess over a limit; None if all are kept. Arguments as for `excesses`."""
-    worst = max(excesses(limits, motion, dense), key=lambda excess: excess.share)
+    return worst_of(robot, excesses(limits, motion, dense))
+
+
+def worst_of(robot: Robot, found: Iterable[Excess]) -> Violation | None:
+    """The largest of some excesses; None if none is positive."""
+    worst = max(found, key=lambda excess: excess.share)
     return worst.worst(robot) if worst.share > 0 else None
 
 

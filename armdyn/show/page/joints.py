@@ -91,7 +91,7 @@ def compared(moves: Sequence[ShownMotion], limits: JointLimits) -> list[Compared
                 there=there,
                 later=None if there is None or not first else there / first - 1,
                 work=mechanical_work(move.motion),
-                speed=most_used(v, -limits.velocity, limits.velocity),
+                speed=move.facts.number("velocity_share") or most_used(v, -limits.velocity, limits.velocity),
                 torque=most_used(tau, *limits.actuators.range(q, v)),
                 verdict=re.sub(" after [^,]*", "", verdict_of(move.facts).headline),  # the time is in a column
             )

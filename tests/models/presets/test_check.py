@@ -6,11 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import ruckig
+from scipy.interpolate import BPoly
 
 import armdyn as ad
 from armdyn.errors import ProblemError, TrajectoryError
+from armdyn.optimal.gap import check_motion
+from armdyn.parsing.toml import read_toml, to_toml
 from armdyn.trajectory.interpolation import interpolated
 from armdyn.trajectory.planned import Planned
+from problems import cart, solved
 
 PANDA = ad.ControllerPreset.named("franka-panda")
 START = np.array([0, -0.785, 0, -2.356, 0, 1.571, 0.785])
@@ -108,6 +112,68 @@ def test_between_points_as_ros2_control():
         found = interpolated(t, [one(t)[:, None] for one in own[:count]], at)
         for array, one in zip(found, own, strict=True):
             np.testing.assert_allclose(array[:, 0], one(at), rtol=1e-9, atol=1e-9)
+
+
+JTC = ad.ControllerPreset.named("ros2-jtc")
+
+
+def hermite(t, q, v, a=None):
+    """Largest speed along SciPy's Hermite polynomials through rows, between them, too: independent of armdyn's."""
+    given = np.stack([q, v] if a is None else [q, v, a], axis=1)
+    spline = BPoly.from_derivatives(t, given).derivative()
+    return np.max(np.abs(spline(np.linspace(t[0], t[-1], 100_001))))
+
+
+def test_velocities_between_rows_have_one_judge():
+    """A joint at 2 rad/s after a ramp within the first of the rows' steps: cubics and quintics overshoot."""
+    t = np.arange(0, 20) * 2e-3
+    v = np.where(t < 1e-3, 2000 * t, 2.0)[:, None]
+    q = np.where(t < 1e-3, 1000 * t**2, 1e-3 + 2 * (t - 1e-3))[:, None]
+    a = np.zeros_like(v)
+    robot = cart().with_limits(None, 2.0)
+    bounded = JTC.fitted(robot.limits, ["slide"]).without("end_velocity")
+    for given in (None, a):
+        fastest = hermite(t, q, v, given)
+        check = bounded.check(Planned(t, q, v, given))
+        row = next(row for row in check.offences if row.condition == "velocity")
+        own = check_motion(robot, ad.Trajectory(t, q, v, 0 * v), a=given)
+        # At 64 points per step the peak of a parabola from rest to rest is met to 2.5e-4; these begin or end at speed.
+        assert row.value == pytest.approx(fastest, rel=2.5e-4)
+        assert own.velocity_share == pytest.approx(row.share, rel=1e-12) and not own.feasible and not check.ok
+        assert own.worst_violation.value == pytest.approx(row.share - 1, rel=1e-9)
+        assert own.worst_violation.time == pytest.approx(row.time)
+
+
+def test_the_rules_of_joint_trajectory_controller():
+    robot, t = cart().with_limits(None, 2.0), np.linspace(0, 1, 11)
+    x = t[:, None]
+    q, v, a = 10 * x**3 - 15 * x**4 + 6 * x**5, 30 * x**2 - 60 * x**3 + 30 * x**4, 60 * x - 180 * x**2 + 120 * x**3
+    motion = Planned(t, q, v, a)
+    found = JTC.check(motion)  # of any arm, whose limits nobody says
+    assert found.ok and {row.condition for row in found.rows} == {"end_velocity", "time_step"}
+    assert "no robot says its limits: position, velocity" in found.notes[0] and "start" in found.notes[1]
+    fitted = JTC.fitted(robot.limits, robot.joint_names)
+    assert fitted.joints == robot.joint_names and PANDA.fitted(robot.limits, robot.joint_names) is PANDA
+    assert fitted.check(motion, present=[0.009]).ok
+    away = fitted.check(motion, present=[0.011])
+    assert not away.ok and away.offences[0].condition == "start" and away.offences[0].value == pytest.approx(-0.011)
+    for last, ok in ((1.19e-7, True), (-1.2e-7, False)):  # epsilon of a float: 1.192e-7
+        ends = v.copy()
+        ends[-1] = last
+        assert fitted.check(replace(motion, v=ends)).ok is ok
+    near = fitted.check(Planned(np.append(t, 1 + 5e-5), *(np.vstack([x, x[-1:]]) for x in (q, v, a))))
+    assert near.ok and [row.condition for row in near.offences] == ["time_step"]  # recommended only
+    assert near.offences[0].value == pytest.approx(5e-5) and near.offences[0].joint == "all joints"
+    with pytest.raises(TrajectoryError, match="present has shape"):
+        fitted.check(motion, present=[0.0, 1.0])
+
+
+def test_a_preset_for_any_arm_is_written_and_read(tmp_path):
+    file = tmp_path / "own.toml"
+    file.write_text(to_toml({"preset": JTC.to_table()}))
+    assert ad.ControllerPreset.from_table(read_toml(file), "preset") == JTC
+    samples = solved("rr").trajectory.resample(1000)
+    assert JTC.check(samples).ok and JTC.check(solved("rr").trajectory).ok  # as its rows rest
 
 
 def test_coarse_points_with_positions_only_are_corners():
