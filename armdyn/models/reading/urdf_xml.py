@@ -23,6 +23,9 @@ MAX_ELEMENTS = 200_000
 LARGEST = 1e9
 """Masses, moments, lengths and locked positions above are refused [SI]: no arm has them, and products overflow."""
 
+_CONFLICT = re.compile(r"^(<{7}|\|{7}|={7}|>{7})(?: .*)?$", re.MULTILINE)
+"""Lines by which git marks the two sides of a merge conflict."""
+
 _XACRO = "is xacro that was not expanded; run `xacro` on it first and give armdyn the result"
 
 
@@ -88,7 +91,7 @@ def parse_xml(text: str, source: str) -> ElementTree.Element:
         source: name of the file or text, in messages.
 
     Raises:
-        UrdfError: one of these, or not XML.
+        UrdfError: one of these, not XML, or git's marker of a merge conflict in it.
     """
     builder = ElementTree.TreeBuilder()
     parser = expat.ParserCreate("utf-8", " ")  # the text was decoded, for any XML declaration
@@ -117,8 +120,13 @@ def parse_xml(text: str, source: str) -> ElementTree.Element:
     def refuse(*_: object) -> None:
         raise UrdfError(source, "has a DTD or entity declaration; no robot needs one, and they are not expanded")
 
+    def refuse_conflict(data: str) -> None:
+        if _CONFLICT.match(data):
+            raise UrdfError(source, _conflict_words(data, parser.CurrentLineNumber))
+
     parser.StartElementHandler = start
     parser.EndElementHandler = end
+    parser.CharacterDataHandler = refuse_conflict
     parser.StartDoctypeDeclHandler = refuse
     parser.EntityDeclHandler = refuse
     try:
@@ -126,8 +134,14 @@ def parse_xml(text: str, source: str) -> ElementTree.Element:
     except (expat.ExpatError, UnicodeEncodeError) as error:
         if "unbound prefix" in str(error) and "<xacro:" in text:
             raise UrdfError(source, f"<xacro:…> {_XACRO}") from None
+        if found := _CONFLICT.search(text):
+            raise UrdfError(source, _conflict_words(found[0], text.count("\n", 0, found.start()) + 1)) from None
         raise UrdfError(source, f"not XML ({error})") from None
     return builder.close()
+
+
+def _conflict_words(marker: str, line: int) -> str:
+    return f"git's conflict marker {clipped(marker.strip())!r} in line {line}: keep one side of the merge alone"
 
 
 def finite_numbers(
