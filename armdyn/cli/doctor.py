@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterable
 from pathlib import Path
 from types import NoneType
+from typing import Literal
 
 import armdyn as ad
 from armdyn.cli.console import Answer, Shown, escape, facts_table, judged, table, working
@@ -39,6 +40,15 @@ def doctor(
         "Repair a URDF: the least change that makes each inertia physical, package folders, joints to lock, the "
         "tip, missing limits. Nothing is written without --out."
     ),
+    density: float | None = option(
+        "KG/M3", "With --repair: estimate the inertias of links without mass from their shapes, such as 2700."
+    ),
+    large: Literal["no", "nearest", "power-of-ten"] = option(
+        "HOW",
+        "With --repair: write repairs that change a moment by a factor of ten or more, too: nearest, or power-of-ten "
+        "(one entry, as of a lost decimal point).",
+        default="no",
+    ),
     out: Path | None = option("FILE", "With --repair: write the URDF with physical inertias, marked as repaired."),
 ) -> Answer:
     """Check the installation, or a robot as armdyn reads it.
@@ -48,12 +58,14 @@ def doctor(
     armdyn doctor panda --build
     armdyn doctor panda --policy
     armdyn doctor my_arm.urdf
-    armdyn doctor my_arm.urdf --repair --out mended.urdf[/]
+    armdyn doctor my_arm.urdf --repair --out mended.urdf
+    armdyn doctor my_arm.urdf --repair --density 2700 --out guessed.urdf[/]
     """
-    if out is not None and not repair:
-        raise ProblemError(f"--out {out} belongs to --repair, which is not given")
+    if not repair and (out is not None or density is not None or large != "no"):
+        given = "--out" if out is not None else "--density" if density is not None else "--large"
+        raise ProblemError(f"{given} belongs to --repair, which is not given")
     if repair:
-        return repaired(robot, part, out)
+        return repaired(robot, part, out, density, large)
     shown: list[Shown]
     if robot is None:
         arm, status = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), ad.Payload(mass=0.1)), "healthy"
@@ -77,6 +89,8 @@ def doctor(
             torque_equations(ad.Dynamics(arm, free_last_body=True), True)
         facts["built"] = seconds = round(time.perf_counter() - started, 1)
         shown.append(f"machine code of {escape(arm.name)} is there, after {seconds:.1f} s")
+    if not arm.has_dynamics:
+        return judged(facts | {"success": True, "status": "no_dynamics"}, *shown, usable=True)
     facts["dynamics_error"] = error = _disagreement(arm)
     verdict = "[green]agree[/]" if error <= _AGREE else "[bold red]DISAGREE[/]"
     shown.append(f"CasADi and Pinocchio dynamics {verdict} (largest relative difference {error:.1e})")
@@ -172,6 +186,8 @@ def _joints(robot: ad.Robot) -> list[Facts]:
 
 
 def _remarks(robot: ad.Robot, joints: list[Facts]) -> list[str]:
+    from armdyn.models.robots.plausibility import doubts
+
     findings = {
         "no torque limit: minimum time needs --effort-limit, or --passive for a joint without a motor": [
             j for j in joints if j["effort_upper"] is None
@@ -193,7 +209,7 @@ def _remarks(robot: ad.Robot, joints: list[Facts]) -> list[str]:
     for finding, found in findings.items():
         if found:
             remarks.append(f"{finding} ({which([j['name'] for j in found], robot.joint_names)})")
-    return remarks
+    return [*remarks, *doubts(robot)]
 
 
 _UNITS = {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from armdyn import models
 from armdyn.cli.console import NOT_USABLE, Answer, Shown, done, escape, table
@@ -11,30 +12,49 @@ from armdyn.cli.options.robot import PartOptions
 from armdyn.errors import ProblemError
 from armdyn.files import attributes, probe_folder, write_whole
 
+if TYPE_CHECKING:
+    from armdyn.models.reading.nearest_inertia import Large
 
-def repaired(robot: str | None, part: PartOptions, out: Path | None) -> Answer:
+
+def repaired(robot: str | None, part: PartOptions, out: Path | None, density: float | None, large: Large) -> Answer:
     """The faults and gaps of a URDF; with `out` write the URDF with physical inertias.
+
+    Args:
+        robot: its file, or a name of the library.
+        part: folders of its packages.
+        out: the file to write; None: nothing is written.
+        density: see `repair_urdf`.
+        large: likewise.
 
     Raises:
         ArmdynError: the robot has no URDF, or the file cannot be written.
     """
+    from armdyn.models.robots.plausibility import doubts
+
     file = _urdf_of(robot)
     target = None
     if out is not None:
         if out.exists() and out.samefile(file):
             raise ProblemError(f"--out is {out}, the URDF itself, which is never overwritten; name another file")
         target = probe_folder(out.parent, out.name) / out.name
-    found = models.repair_urdf(file, package_dirs=tuple(part.package_dir or ()))
-    written = []
-    if target is not None and found.inertias:
+    found = models.repair_urdf(file, package_dirs=tuple(part.package_dir or ()), density=density, large=large)
+    changes, written = len(found.inertias) > len(found.unwritten) or bool(found.estimates), []
+    if target is not None and changes:
         written = [write_whole(target, found.text.encode())]
-    shown = [_table(found.inertias) if found.inertias else "all inertias are physical"]
-    shown += map(escape, _proposals(found))
+    shown: list[Shown] = [_table(found.inertias)] if found.inertias else []
+    shown += [_estimates(found.estimates)] if found.estimates else []
+    if not (shown or found.without_mass or found.refusal):
+        shown = ["all inertias are physical"]
+    remarks = []
+    if not found.refusal:
+        remarks = doubts(models.Robot.from_urdf_string(found.text, source=found.source, lock=found.lock, arm=found.arm))
+    shown += map(escape, [*_proposals(found), *remarks])
     if written:
         shown.append(f'{escape(str(written[0]))}  (results of it say "repaired model")')
     elif out is not None:
-        shown.append("nothing to change: nothing is written")
-    made = done("repairable" if found.inertias else "physical", _facts(found), *shown, files=written)
+        shown.append("nothing is written" if found.inertias else "nothing to change: nothing is written")
+    status = "repairable" if found.inertias or found.estimates else "no_inertias" if found.without_mass else "physical"
+    made = done(status, _facts(found) | {"remarks": remarks}, *shown, files=written)
     if not found.refusal:
         return made
     failure = {"success": False, "status": "refused", "message": found.refusal}
@@ -65,7 +85,9 @@ def _facts(found: models.UrdfRepair) -> dict[str, object]:
     return {
         "robot": found.source,
         "inertias": [attributes(one, *own) for one in found.inertias],
-        **attributes(found, "packages", "lock", "arm", "tip", "without_effort", "without_velocity"),
+        "estimates": [attributes(one, "link", "shapes", "mass", "com", "moments") for one in found.estimates],
+        **attributes(found, "unwritten", "without_mass", "packages", "lock", "arm", "tip"),
+        **attributes(found, "without_effort", "without_velocity"),
     }
 
 
@@ -80,12 +102,29 @@ def _table(repairs: tuple[models.InertiaRepair, ...]) -> Shown:
     return table("nearest physical inertias (masses and centres of mass stay)", heads, rows)
 
 
+def _estimates(estimates: tuple[models.InertiaEstimate, ...]) -> Shown:
+    """Inertias from shapes and a density."""
+    rows = [(one.link, f"{one.mass:.4g}", " ".join(f"{x:.4g}" for x in one.moments), one.shapes) for one in estimates]
+    heads = ("link", ">mass\n[kg]", ">principal moments\n[kg m²]", "as a solid of its")
+    return table("inertias from shapes and the density: a guess, since links are hollow or full of motors", heads, rows)
+
+
 def _proposals(found: models.UrdfRepair) -> list[str]:
     """Lines about all faults but inertias, with the options that repair them."""
     from armdyn.models.reading.meshes import mesh_folders
 
     looked_in = mesh_folders(Path(found.source), ())
     lines = []
+    for one in found.inertias:
+        if one.link not in found.unwritten:
+            continue
+        other = "no power of ten of one entry is physical either"
+        if one.power_of_ten is not None:
+            key, tensor = one.power_of_ten
+            value = tensor["xyz".index(key[1]), "xyz".index(key[2])]
+            other = f"{key} = {value:.4g} alone would be physical, too: --large power-of-ten writes that"
+        large = "changes moments by a factor of ten or more, so that only --large nearest writes it"
+        lines.append(f"{one.link}: the nearest inertia {large}; {other}")
     for name, folder in found.packages.items():
         there = "is in no folder above; --package-dir DIR" if folder is None else f"is in {folder}"
         option = "" if folder is None or folder in looked_in else f"; --package-dir {folder}"

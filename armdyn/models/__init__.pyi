@@ -3,6 +3,7 @@ from armdyn.models.presets.preset import ControllerPreset as ControllerPreset
 from armdyn.models.reading.nearest_inertia import InertiaRepair as InertiaRepair
 from armdyn.models.reading.repair import UrdfRepair as UrdfRepair
 from armdyn.models.reading.repair import repair_urdf as repair_urdf
+from armdyn.models.reading.shape_inertia import InertiaEstimate as InertiaEstimate
 from armdyn.models.robots.loads import load_of as load_of
 from armdyn.models.robots.loads import reversed_motion as reversed_motion
 from armdyn.models.robots.loads import robots_of as robots_of

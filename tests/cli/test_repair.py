@@ -6,7 +6,9 @@ import armdyn as ad
 from cli.command import run_here, run_json
 
 RR = ad.Robot.from_spec(ad.ArmSpec.paper("rr")).urdf
-BROKEN = re.sub(r'ixx="[^"]*"', 'ixx="0.9"', RR, count=1)
+INERTIA = '<inertia ixx="{}" ixy="0" ixz="0" iyy="0.4" iyz="0" izz="0.3"/>'
+BROKEN, LOST = (re.sub(r"<inertia [^>]*>", INERTIA.format(ixx), RR, count=1) for ixx in ("0.9", "300"))
+"""A moment too large by a third, which is repaired; one that lost its decimal point, which is offered."""
 
 
 def test_nothing_is_written_unless_a_file_is_named(tmp_path):
@@ -55,5 +57,28 @@ def test_a_physical_library_arm():
 def test_remaining_refusals(tmp_path):
     massless = re.sub(r'<mass value="[^"]*"', '<mass value="0"', re.sub(r'i([xyz]{2})="[^"]*"', r'i\1="0"', RR))
     (tmp_path / "arm.urdf").write_text(massless)
-    data = run_json("doctor", "arm.urdf", "--repair", code=3, cwd=tmp_path)
-    assert data["status"] == "refused" and not data["success"] and "moves no inertia" in data["message"]
+    data = run_json("doctor", "arm.urdf", "--repair", cwd=tmp_path)
+    assert data["status"] == "no_inertias" and data["without_mass"] == ["link1", "link2"]
+    said = run_here("doctor", "arm.urdf", "--repair", cwd=tmp_path).stdout
+    assert "physical" not in said and said.count("link1") == 1
+
+
+def test_a_lost_decimal_point_is_offered_and_not_written(tmp_path):
+    (tmp_path / "arm.urdf").write_text(LOST)
+    data = run_json("doctor", "arm.urdf", "--repair", "--out", "mended.urdf", code=3, cwd=tmp_path)
+    assert data["status"] == "refused" and data["unwritten"] == ["link1"] and not (tmp_path / "mended.urdf").exists()
+    said = " ".join(run_here("doctor", "arm.urdf", "--repair", cwd=tmp_path).stdout.split())
+    assert "ixx = 0.3 alone would be physical" in said and "--large nearest" in said
+    options = ("--repair", "--large", "power-of-ten", "--out", "mended.urdf")
+    assert run_json("doctor", "arm.urdf", *options, cwd=tmp_path)["files"] == ["mended.urdf"]
+    assert 'ixx="0.3' in (tmp_path / "mended.urdf").read_text()
+    assert "--large belongs to --repair" in run_json("doctor", "rr", "--large", "nearest", code=2)["message"]
+
+
+def test_density(tmp_path):
+    shape = '<visual><geometry><sphere radius="0.1"/></geometry></visual>'
+    bare = re.sub(r"<visual .*?</visual>", "", RR, flags=re.DOTALL)
+    (tmp_path / "arm.urdf").write_text(re.sub(r"<inertial>.*?</inertial>", shape, bare, flags=re.DOTALL))
+    data = run_json("doctor", "arm.urdf", "--repair", "--density", "2700", "--out", "mended.urdf", cwd=tmp_path)
+    assert data["status"] == "repairable" and [one["shapes"] for one in data["estimates"]] == ["visual: sphere"] * 2
+    assert run_json("doctor", "mended.urdf", cwd=tmp_path)["dynamics_error"] < 1e-10

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 from xml.etree.ElementTree import Element
 from xml.parsers import expat
 from xml.sax.saxutils import quoteattr
@@ -10,13 +11,23 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from armdyn.arrays import Array
+from armdyn.models.reading.shape_inertia import InertiaEstimate
 from armdyn.models.reading.urdf_check import MOMENTS, POINT_MASS, inertia_fault, inertia_tensor
 
 THINNEST = 1e-3
 """Least radius of gyration along an axis that a changed body gets [m]: a sheet of 3.5 mm has it, no link is thinner."""
 
+_LARGE, _COUNTS = 10.0, 0.01
+"""Factor on a moment from which a repair is large, of moments of at least a part of the largest one."""
+_POWERS = 9
+"""Largest power of ten by which an entry may be off: g mm² for kg m²."""
+
 _ROUNDED = 1e-9
 """Negative part of a second moment, in the largest, that is rounding of the numbers in a file."""
+
+Large = Literal["no", "nearest", "power-of-ten"]
+LARGE: tuple[Large, ...] = ("no", "nearest", "power-of-ten")
+"""How large repairs are written, see `repair_urdf`."""
 
 MARK = "armdyn"
 """Element of a repaired URDF's `<robot>`; its attribute `repaired` names the changed links."""
@@ -57,6 +68,32 @@ class InertiaRepair:
         """Distance of both pseudo-inertias, without the mass, as a fraction of the first (Frobenius norm)."""
         before = second_moments(self.before)
         return float(np.linalg.norm(second_moments(self.after) - before) / np.linalg.norm(before))
+
+    @property
+    def large(self) -> bool:
+        """Whether it changes a moment by a factor of ten or more, so that it is written only on request."""
+        before, after = np.diag(self.before), np.diag(self.after)
+        counts = after > _COUNTS * np.max(after)
+        return bool(np.any(counts & (after >= _LARGE * np.abs(before))) or np.any(before >= _LARGE * after))
+
+    def chosen(self, large: str) -> Array | None:
+        """The inertia to write [kg m²], shape (3, 3); None: it stays. See `repair_urdf`."""
+        if large == "power-of-ten" and self.large and self.power_of_ten:
+            return self.power_of_ten[1]
+        return self.after if large == "nearest" or not self.large else None
+
+    @property
+    def power_of_ten(self) -> tuple[str, Array] | None:
+        """The entry that alone, times the least power of ten, makes a physical inertia, and that inertia [kg m²]."""
+        for power in sorted(range(-_POWERS, _POWERS + 1), key=lambda power: (abs(power), power)):
+            for key in MOMENTS:
+                i, j = ("xyz".index(axis) for axis in key[1:])
+                changed = self.before.copy()
+                changed[i, j] = changed[j, i] = self.before[i, j] * 10.0**power
+                thin, *_, wide = np.linalg.eigvalsh(second_moments(changed))
+                if not inertia_fault(changed) and thin >= 0 and wide >= self.mass * THINNEST**2:
+                    return key, changed
+        return None
 
 
 def second_moments(tensor: Array) -> Array:
@@ -111,45 +148,64 @@ def repaired_inertias(root: Element, source: str) -> tuple[InertiaRepair, ...]:
     return tuple(found)
 
 
-def with_inertias(text: str, repairs: Sequence[InertiaRepair]) -> str:
-    """Replace inertias in a URDF's text, nothing else, and mark it as repaired.
+def with_inertias(text: str, changed: Mapping[str, Array], estimates: Sequence[InertiaEstimate] = ()) -> str:
+    """Replace inertias in a URDF's text and write estimated ones, nothing else, and mark it as repaired.
 
     Args:
         text: URDF that `urdf_check.parse_urdf` accepts.
-        repairs: repairs of its links' inertias.
+        changed: inertias about the centre of mass [kg m²], shape (3, 3), by the names of the links.
+        estimates: inertias of links that have no mass.
     """
+    if not (changed or estimates):
+        return text
     data = text.encode()
-    places = _places(data, {repair.link for repair in repairs})
-    changes = [(places[repair.link], _inertia_tag(repair)) for repair in repairs]
-    names = quoteattr(", ".join(repair.link for repair in repairs))
-    mark = f"\n  <{MARK} repaired={names}/>".encode()
-    for (start, end), tag in sorted(changes, reverse=True):
-        closing = b"/>" if data[:end].endswith(b"/>") else b">"
-        data = data[:start] + tag + closing + data[end:]
-    _, end = places[""]
-    return (data[:end] + mark + data[end:]).decode()
+    places = _places(data)
+    changes = [
+        (places[link, "inertia"], _tag(data, places[link, "inertia"], tensor)) for link, tensor in changed.items()
+    ]
+    for one in estimates:
+        at = places.get((one.link, "inertial"), 2 * places[one.link, "link"][1:])
+        xyz, tensor = " ".join(map(repr, one.com.tolist())), _tag(b"/>", (0, 2), one.inertia.inertia).decode()
+        changes.append((at, f'<inertial><origin xyz="{xyz}"/><mass value="{one.mass!r}"/>{tensor}</inertial>'.encode()))
+    names = quoteattr(", ".join([*changed, *(one.link for one in estimates)]))
+    for (start, end), written in sorted(changes, reverse=True):
+        data = data[:start] + written + data[end:]
+    _, end = places["", "robot"]
+    return (data[:end] + f"\n  <{MARK} repaired={names}/>".encode() + data[end:]).decode()
 
 
-def _inertia_tag(repair: InertiaRepair) -> bytes:
-    rows = {key: float(repair.after["xyz".index(key[1]), "xyz".index(key[2])]) for key in MOMENTS}
-    return " ".join(["<inertia", *(f'{key}="{value!r}"' for key, value in rows.items())]).encode()
+def _tag(data: bytes, place: tuple[int, int], tensor: Array) -> bytes:
+    """A tag `<inertia>` in the place of another; about the same end."""
+    rows = {key: float(tensor["xyz".index(key[1]), "xyz".index(key[2])]) for key in MOMENTS}
+    closing = "/>" if data[: place[1]].endswith(b"/>") else ">"
+    words = " ".join(f'{key}="{value!r}"' for key, value in rows.items())
+    return f"<inertia {words}{closing}".encode()
 
 
-def _places(data: bytes, links: set[str]) -> Mapping[str, tuple[int, int]]:
-    """First and last byte of the tags `<inertia>` of some links, by their names, and of `<robot>`, by ""."""
+def _places(data: bytes) -> Mapping[tuple[str, str], tuple[int, int]]:
+    """First and last byte of links' tags `<link>`, `<inertia>` and elements `<inertial>`, and of the tag `<robot>`."""
     parser = expat.ParserCreate("utf-8")
-    way: list[tuple[str, str]] = []
-    found: dict[str, tuple[int, int]] = {}
+    way: list[tuple[str, str, int]] = []
+    found: dict[tuple[str, str], tuple[int, int]] = {}
+
+    def place() -> tuple[str, str] | None:
+        tags = [tag for tag, *_ in way]
+        of_link = tags[:2] == ["robot", "link"] and tags[2:] in ([], ["inertial"], ["inertial", "inertia"])
+        return (way[1][1], tags[-1]) if of_link else ("", "robot") if len(way) == 1 else None
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        way.append((tag, attributes.get("name", "")))
-        tags = [each for each, _ in way]
-        link = way[1][1] if tags == ["robot", "link", "inertial", "inertia"] else "" if len(way) == 1 else None
-        if link is not None and (link in links or not link) and link not in found:
-            begin = parser.CurrentByteIndex
-            found[link] = begin, begin + len(_TAG.match(data, begin)[0])  # type: ignore[index]  # expat has read it
+        begin = parser.CurrentByteIndex
+        way.append((tag, attributes.get("name", ""), begin))
+        if (here := place()) is not None:
+            found.setdefault(here, (begin, begin + len(_TAG.match(data, begin)[0])))  # type: ignore[index]  # expat has read it
+
+    def end(tag: str) -> None:
+        here = place() if tag == "inertial" else None
+        begin = way.pop()[2]
+        if here is not None and found[here][0] == begin:
+            found[here] = begin, max(found[here][1], data.index(b">", parser.CurrentByteIndex) + 1)
 
     parser.StartElementHandler = start
-    parser.EndElementHandler = lambda tag: way.pop()
+    parser.EndElementHandler = end
     parser.Parse(data, True)
     return found

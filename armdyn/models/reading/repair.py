@@ -13,12 +13,14 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 
-from armdyn.arguments import each, path_of
+from armdyn.arguments import each, number, one_of, path_of
 from armdyn.errors import ArmdynError, SpecError
 from armdyn.models.reading.from_pinocchio import Reading
+from armdyn.models.reading.holding import hardest_poses
 from armdyn.models.reading.meshes import mesh_folders, resolve_mesh
-from armdyn.models.reading.nearest_inertia import InertiaRepair, repaired_inertias, with_inertias
-from armdyn.models.reading.urdf_arm import check_inertia, configuration, read_arm
+from armdyn.models.reading.nearest_inertia import LARGE, InertiaRepair, Large, repaired_inertias, with_inertias
+from armdyn.models.reading.shape_inertia import InertiaEstimate, estimated_inertias
+from armdyn.models.reading.urdf_arm import massless_links, read_arm
 from armdyn.models.reading.urdf_check import MOVING, parse_urdf
 from armdyn.models.reading.urdf_xml import file_path, read_urdf
 
@@ -28,9 +30,6 @@ _GRIPPING = re.compile(r"finger|gripper|jaw|knuckle|thumb", re.IGNORECASE)
 _FOLDERS_ABOVE = 6
 """Folders above the file that may hold a package: a workspace is three or four above."""
 
-_POSES = 1000
-"""Number of random poses among which the largest holding torque is sought."""
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class UrdfRepair:
@@ -39,13 +38,16 @@ class UrdfRepair:
     Attributes:
         source: the file.
         text: its text with physical inertias, marked as repaired; the file's own text where nothing was to be changed.
-        inertias: the changed ones.
+        inertias: unphysical ones, with their repairs.
+        unwritten: links whose repair changes a moment by a factor of ten or more: the text has the file's inertia.
+        estimates: inertias of links without mass, from their shapes and the density.
+        without_mass: links that joints move, without mass even so, one per joint.
         packages: of each `package://` of its meshes the folder that has it, None where none was found.
         lock: positions at which to lock joints of a gripper, or that others mimic, by the joints' names [rad or m].
         arm: first and last joint of the longest chain where the others branch; None: they are one chain.
         tip: the arm's end, with these joints locked; empty where the URDF is refused.
-        without_effort: joints without a torque limit, to the largest torque that holds them still in 1000 random
-            poses [N m or N]: the motor has at least that.
+        without_effort: joints without a torque limit, to the largest torque that holds them still in any
+            pose [N m or N], nearly: the motor has at least that.
         without_velocity: joints without a velocity limit.
         refusal: why the URDF is refused even so; empty: it is not.
     """
@@ -53,6 +55,9 @@ class UrdfRepair:
     source: str
     text: str
     inertias: tuple[InertiaRepair, ...]
+    unwritten: tuple[str, ...] = ()
+    estimates: tuple[InertiaEstimate, ...] = ()
+    without_mass: tuple[str, ...] = ()
     packages: Mapping[str, str | None]
     lock: Mapping[str, float]
     arm: tuple[str, str] | None
@@ -62,7 +67,13 @@ class UrdfRepair:
     refusal: str = ""
 
 
-def repair_urdf(path: str | os.PathLike[str], *, package_dirs: Sequence[str | os.PathLike[str]] = ()) -> UrdfRepair:
+def repair_urdf(
+    path: str | os.PathLike[str],
+    *,
+    package_dirs: Sequence[str | os.PathLike[str]] = (),
+    density: float | None = None,
+    large: Large = "no",
+) -> UrdfRepair:
     """Find the faults and gaps of a URDF, and the least change or the option that repairs each; nothing is written.
 
     Packages are looked for in the given folders, in the file's own and in the six above it, by the names of the files
@@ -71,40 +82,70 @@ def repair_urdf(path: str | os.PathLike[str], *, package_dirs: Sequence[str | os
     Args:
         path: of the URDF.
         package_dirs: further folders of `package://` meshes.
+        density: of the links without mass [kg/m³], to estimate their inertias from their collision shapes, or else
+            their visuals: watertight meshes and primitives as they are, of other meshes the convex hull. None: they
+            stay without.
+        large: repairs that change a moment by a factor of ten or more: "no" leaves the file's inertia, "nearest" writes
+            the nearest physical one, "power-of-ten" one entry times a power of ten, where that alone is physical.
 
     Raises:
-        SpecError: package_dirs is no list of paths.
+        SpecError: package_dirs is no list of paths, density not positive, or large another word.
         UrdfError: it cannot be read, or has a fault that no number repairs, such as a joint without a parent.
     """
     file = file_path(path)
     text, source = read_urdf(file), str(file)
     root = parse_urdf(text, source)
+    one_of(large, LARGE, "large", error=SpecError)
+    if density is not None:
+        number(density, "density", unit="kg/m³", sign="positive", error=SpecError)
     inertias = repaired_inertias(root, source)
-    text = with_inertias(text, inertias) if inertias else text
+    chosen = {one.link: one.chosen(large) for one in inertias}
+    packages = _packages(root, file, each(package_dirs, "package_dirs", path_of, error=SpecError))
     lock = _gripping(root)
     chain = _longest_chain(root, lock)
     found: dict[str, Any] = {"without_effort": {}}
     try:
+        text = with_inertias(text, {link: tensor for link, tensor in chosen.items() if tensor is not None})
         reading = read_arm(text, source, lock, chain)
-        found = _unlimited(reading)
-        check_inertia(reading.model, source)
+        if density is not None:
+            folders = (*mesh_folders(file, package_dirs), *filter(None, packages.values()))
+            found["estimates"] = estimated_inertias(root, source, _bare(root, reading.model), folders, density)
+            text = with_inertias(text, {}, found["estimates"])
+            reading = read_arm(text, source, lock, chain)
+        found |= _unlimited(reading) | {"without_mass": massless_links(reading.model)}
     except ArmdynError as error:
         found["refusal"] = str(error)
-    packages = _packages(root, file, each(package_dirs, "package_dirs", path_of, error=SpecError))
-    return UrdfRepair(source=source, text=text, inertias=inertias, packages=packages, lock=lock, arm=chain, **found)
+    unwritten = tuple(link for link, tensor in chosen.items() if tensor is None)
+    return UrdfRepair(
+        source=source,
+        text=text,
+        inertias=inertias,
+        unwritten=unwritten,
+        packages=packages,
+        lock=lock,
+        arm=chain,
+        **found,
+    )
+
+
+def _bare(root: Element, model: pin.Model) -> set[str]:
+    """Links without mass that joints move."""
+    masses = {str(link.get("name")): link.find("inertial/mass") for link in root.findall("link")}
+    bare = {name for name, mass in masses.items() if mass is None or not float(mass.get("value", "0"))}
+    return bare & {frame.name for frame in model.frames if frame.parentJoint and frame.type == pin.FrameType.BODY}
 
 
 def _unlimited(reading: Reading) -> dict[str, Any]:
     """The tip, and the joints without limits, as fields of a `UrdfRepair`."""
     model, limits = reading.model, reading.limits
-    data = model.createData()
-    lower, upper = (np.clip(each, -np.pi, np.pi) for each in (limits.position_lower, limits.position_upper))
-    poses = np.random.default_rng(0).uniform(lower, upper, (_POSES, model.nv))
-    held = [np.abs(pin.computeGeneralizedGravity(model, data, configuration(model, q))) for q in poses]
-    names, most = list(model.names)[1:], np.max(held, axis=0)
+    names, most = list(model.names)[1:], hardest_poses(model, limits.position_lower, limits.position_upper)
     return {
         "tip": reading.tip,
-        "without_effort": {name: float(most[i]) for i, name in enumerate(names) if np.isinf(limits.effort_upper[i])},
+        "without_effort": {
+            name: abs(torque)
+            for name, limit, (_, torque) in zip(names, limits.effort_upper, most, strict=True)
+            if np.isinf(limit)
+        },
         "without_velocity": tuple(name for name, most in zip(names, limits.velocity, strict=True) if np.isinf(most)),
     }
 

@@ -19,6 +19,13 @@ from armdyn.models.reading.urdf_xml import clipped, finite_numbers
 _SINGULAR = 1e-10
 """Scaled mass matrices with a smaller eigenvalue are singular."""
 
+UNKNOWN_TORQUES = (
+    "Torques are unknown without it: write it into the file, give `inertias` or `armature`, or estimate it from shapes "
+    "(armdyn doctor FILE --repair --density 2700) and measure it (armdyn identify). Minimum time without torques: "
+    "`kinematic`"
+)
+"""Remedies of missing inertias, in messages."""
+
 
 def read_arm(text: str, source: str, lock: Mapping[str, float], arm: tuple[str, str] | None) -> Reading:
     """Pinocchio's model of the arm that a URDF describes.
@@ -91,7 +98,7 @@ def configurations(model: pin.Model) -> Callable[[Array], Array]:
 
 
 def check_inertia(model: pin.Model, source: str) -> None:
-    """Refuse a joint that moves no mass of its own: a torque would give no finite acceleration.
+    """Refuse a joint that moves no inertia of its own: a torque would give no finite acceleration.
 
     Checked in one pose, bent so that axes are in line only by construction.
 
@@ -101,14 +108,30 @@ def check_inertia(model: pin.Model, source: str) -> None:
     bent = configuration(model, 0.3 * np.sin(np.arange(1.0, model.nv + 1)))
     inertia = pin.crba(model, model.createData(), bent)
     inertia = np.triu(inertia) + np.triu(inertia, 1).T
-    own = np.diag(inertia)
-    for name, one in zip(list(model.names)[1:], own, strict=True):
-        if not one > 0:
-            raise UrdfError(source, f"moves no inertia ({one} kg m²); give its link a mass", f"joint {clipped(name)!r}")
-    # One per joint on the diagonal; a serial arm of 1 kg links comes down to some 1e-4 (planar RRR: 2e-3).
-    scaled = inertia / np.sqrt(np.outer(own, own))
-    values, vectors = np.linalg.eigh(scaled)
-    if values[0] < _SINGULAR:
-        name = list(model.names)[1:][int(np.argmax(np.abs(vectors[:, 0])))]
-        what = f"moves no inertia of its own (the mass matrix is singular to {values[0]:.1e}); give every link a mass"
-        raise UrdfError(source, what, f"joint {clipped(name)!r}")
+    own, what = np.diag(inertia), "moves no inertia"
+    joint = int(np.argmin(own > 0))
+    if np.all(own > 0):
+        # One per joint on the diagonal; a serial arm of 1 kg links comes down to some 1e-4 (planar RRR: 2e-3).
+        values, vectors = np.linalg.eigh(inertia / np.sqrt(np.outer(own, own)))
+        if values[0] >= _SINGULAR:
+            return
+        joint = int(np.argmax(np.abs(vectors[:, 0])))
+        what = f"moves no inertia of its own (the mass matrix is singular to {values[0]:.1e})"
+    links = clipped(", ".join(massless_links(model)))
+    raise UrdfError(
+        source,
+        f"{what}{f'; links without mass: {links}' if links else ''}. {UNKNOWN_TORQUES}",
+        f"joint {clipped(model.names[1 + joint])!r}",
+    )
+
+
+def massless_links(model: pin.Model) -> tuple[str, ...]:
+    """Names of the links without mass that joints move, those fixed to them included; one per joint."""
+    found = []
+    for i in range(1, model.njoints):
+        on_it = (
+            str(frame.name) for frame in model.frames if frame.parentJoint == i and frame.type == pin.FrameType.BODY
+        )
+        if model.inertias[i].mass == 0:
+            found.append(next(on_it, str(model.names[i])))
+    return tuple(found)

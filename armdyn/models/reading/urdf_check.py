@@ -101,8 +101,14 @@ def check_inertias(root: ElementTree.Element, source: str, moving: Set[str]) -> 
         if inertial is None or link.get("name") not in moving:
             continue
         where = f"link {clipped(link.get('name'))!r}"
-        if fault := inertia_fault(inertia_tensor(inertial, source, where)):
-            raise UrdfError(source, f"{fault}; `armdyn doctor FILE --repair` shows the nearest physical one", where)
+        tensor = inertia_tensor(inertial, source, where)
+        if fault := inertia_fault(tensor):
+            mass, most = _numbers(inertial, "mass", source, where)["value"][0], np.linalg.eigvalsh(tensor)[-1]
+            wide = (
+                f"; its radius of gyration is {np.sqrt(most / mass):.3g} m with {mass:g} kg" if mass * most > 0 else ""
+            )
+            what = f"{fault}{wide}; `armdyn doctor FILE --repair` shows the nearest physical one"
+            raise UrdfError(source, what, where)
 
 
 def inertia_tensor(inertial: ElementTree.Element, source: str, where: str) -> Array:

@@ -1,6 +1,7 @@
 """Untrusted XML: read in bounded time and memory, nothing in it expanded or followed."""
 
 import os
+import re
 from math import isfinite
 from pathlib import Path
 from xml.etree import ElementTree

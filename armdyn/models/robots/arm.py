@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike
 
 from armdyn.arguments import Checked, checked, expect, numbers, several, shown, text
 from armdyn.arrays import Array, Flags
-from armdyn.errors import SpecError, did_you_mean
-from armdyn.models.reading.urdf_arm import configuration
+from armdyn.errors import SpecError, UrdfError, did_you_mean
+from armdyn.locks import cached_property
+from armdyn.models.reading.urdf_arm import check_inertia, configuration
 from armdyn.models.reading.urdf_xml import LARGEST
 from armdyn.models.robots.poses import named_poses, names_of
 from armdyn.models.robots.source import RobotOptions, RobotSource
@@ -259,6 +260,18 @@ class Arm(Checked):
             raise SpecError(f"armature is {shown(armature)} kg m² or kg; it must be {LARGEST:g} at most")
         return replace(self, model=model)
 
+    def with_unit_inertia(self) -> Self:
+        """This robot without masses, friction and torque limits, and an inertia of one at every joint.
+
+        Its torques are its accelerations, in any pose [N m as rad/s², N as m/s²].
+        """
+        model, none = self.model.copy(), np.full(self.nv, np.inf)
+        for joint in range(1, model.njoints):
+            model.inertias[joint] = pin.Inertia.Zero()
+        model.armature = np.ones(self.nv)
+        limits = replace(self.limits, effort_lower=-none, effort_upper=none, actuators=ConstantTorque(-none, none))
+        return replace(self, model=model, limits=limits, friction=JointFriction())
+
     def _with_body(self, body: Payload | None) -> Self:
         """This robot with a payload or a tool; the model is copied before it is changed.
 
@@ -324,12 +337,32 @@ class Arm(Checked):
         """
         return self.frame(expect(payload, Payload, "payload", "Payload(mass=…)", error=SpecError).frame or self.tip)
 
+    @cached_property
+    def has_dynamics(self) -> bool:
+        """Whether torques are known: every joint moves an inertia of its own. See `expect_dynamics`."""
+        try:
+            check_inertia(self.model, self.source)
+        except UrdfError:
+            return False
+        return True
+
+    def expect_dynamics(self) -> None:
+        """Refuse an arm whose torques are unknown.
+
+        Raises:
+            UrdfError: a joint moves no inertia; the message names the links without mass, and remedies.
+        """
+        if not self.has_dynamics:
+            check_inertia(self.model, self.source)
+
     def holding_torque(self, q: ArrayLike) -> Array:
         """Torque that holds the arm still at joint positions q [N m or N], both of shape (nv,).
 
         Raises:
             SpecError: q is not one number per joint.
+            UrdfError: see `expect_dynamics`.
         """
+        self.expect_dynamics()
         at = self.configuration(per_joint(q, self.joint_names, "q", scalar=False))
         return np.array(pin.computeGeneralizedGravity(self.model, self.model.createData(), at))
 

@@ -16,7 +16,7 @@ from armdyn.errors import SpecError
 from armdyn.models.mjcf.reading import parse_mjcf, read_mjcf, read_mjcf_arm
 from armdyn.models.reading.from_pinocchio import Reading, read_model
 from armdyn.models.reading.meshes import mesh_folders
-from armdyn.models.reading.urdf_arm import check_inertia, read_arm
+from armdyn.models.reading.urdf_arm import read_arm
 from armdyn.models.reading.urdf_xml import check_text, file_path, read_urdf
 from armdyn.models.robots.arm import READERS, Arm
 from armdyn.models.robots.library import BENCHMARKS, library_arm
@@ -68,7 +68,6 @@ class Robot(Arm):
         robot = robot.with_passive([joint for joint in idle if joint in robot.joint_names])
         robot = robot.with_limits(given.effort_limit, given.velocity_limit).with_torque_speed(given.torque_speed)
         robot = robot.with_armature(given.armature, given.rotor_inertia, given.gear_ratio)
-        check_inertia(robot.model, robot.source)
         return robot.with_passive(given.passive).with_friction(
             own_friction if given.damping is None else given.damping,
             own_friction if given.friction is None else given.friction,

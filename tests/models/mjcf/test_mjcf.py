@@ -194,7 +194,6 @@ def test_a_coupled_joint_can_be_locked():
             mjcf(one(inside='<inertial mass="1" pos="0 0 0" diaginertia="1 1 9"/>')),
             UrdfError, "joint 'j'", "triangle",
         ),
-        (mjcf(one(inside="")), UrdfError, "joint 'j'", "moves no inertia"),
         (mjcf(one(inside='<frame/><geom size="1"/>')), UrdfError, "body 'b'", "has a <frame>"),
         (mjcf(one(), compiler='settotalmass="3"'), UrdfError, "<compiler>", "settotalmass"),
         (mjcf(one(), compiler='eulerseq="abc"'), UrdfError, "<compiler>", "eulerseq"),
@@ -210,6 +209,12 @@ def test_refused_if_it_cannot_be_read(text, kind, element, words):
         READ(text, source="arm.xml")
     assert words in str(caught.value) and caught.value.element == element
     assert caught.value.source == "arm.xml" and len(str(caught.value)) < 500
+
+
+def test_a_body_without_mass_is_read_without_dynamics():
+    with pytest.raises(UrdfError, match="moves no inertia") as caught:
+        READ(mjcf(one(inside=""))).holding_torque([0.0])
+    assert caught.value.element == "joint 'j'"
 
 
 def test_a_pinocchio_without_the_parser(monkeypatch):

@@ -8,8 +8,8 @@ import pytest
 from scipy.optimize import minimize
 
 import armdyn as ad
-from armdyn.errors import UrdfError
-from armdyn.models.reading.nearest_inertia import THINNEST, nearest_physical, second_moments
+from armdyn.errors import SpecError, UrdfError
+from armdyn.models.reading.nearest_inertia import THINNEST, InertiaRepair, nearest_physical, second_moments
 from armdyn.models.reading.urdf_check import inertia_fault
 
 RR = ad.Robot.from_spec(ad.ArmSpec.paper("rr")).urdf
@@ -145,4 +145,98 @@ def test_arms_that_no_number_repairs_are_refused(tmp_path):
         ad.repair_urdf(written(tmp_path, re.sub(r'<mass value="[^"]*"', '<mass value="-1"', RR, count=1)))
     massless = re.sub(r'<mass value="[^"]*"', '<mass value="0"', re.sub(r'i([xyz]{2})="[^"]*"', r'i\1="0"', RR))
     found = ad.repair_urdf(written(tmp_path, massless))
-    assert "moves no inertia" in found.refusal
+    assert found.without_mass == ("link1", "link2") and not found.refusal and not found.inertias
+
+
+LOST = '<inertia ixx="0.0027" ixy="0" ixz="0" iyy="0.0023" iyz="0" izz="1.7"/>'
+"""Of 1.6 kg, with izz = 1.7e-3 meant."""
+
+
+def test_large_repairs_are_written_on_request_only(tmp_path):
+    file = written(tmp_path, RR.replace(TAG, LOST, 1))
+    found = ad.repair_urdf(file)
+    (repair,) = found.inertias
+    assert repair.large and found.unwritten == ("link1",) and found.text == file.read_text()
+    assert "triangle inequality" in found.refusal and "radius of gyration" in found.refusal
+    key, tensor = repair.power_of_ten
+    assert key == "izz" and np.diag(tensor) == pytest.approx([0.0027, 0.0023, 0.0017])
+    for large, moments in (("nearest", (0.85, 0.85, 1.7)), ("power-of-ten", (0.0017, 0.0023, 0.0027))):
+        text = ad.repair_urdf(file, large=large).text
+        own = ad.repair_urdf(written(tmp_path, text, f"{large}.urdf"))
+        assert not own.inertias and ad.Robot.from_urdf_string(text).repaired == "link1"
+        robot = ad.Robot.from_urdf_string(text)
+        assert np.linalg.eigvalsh(robot.model.inertias[1].inertia) == pytest.approx(moments, rel=1e-3)
+    with pytest.raises(SpecError, match="large is 'all'"):
+        ad.repair_urdf(file, large="all")
+
+
+@pytest.mark.parametrize("key", ["ixx", "iyy", "izz", "ixy", "ixz", "iyz"])
+@pytest.mark.parametrize("power", [3, 6])
+def test_one_entry_off_by_a_power_of_ten_is_found(key, power):
+    """Every entry of a physical tensor whose moments are apart by less than ten."""
+    tensor = np.array([[3.0, 0.4, -0.3], [0.4, 2.5, 0.2], [-0.3, 0.2, 2.0]]) * 1e-3
+    i, j = ("xyz".index(axis) for axis in key[1:])
+    wrong = tensor.copy()
+    wrong[i, j] = wrong[j, i] = tensor[i, j] * 10.0**power
+    repair = InertiaRepair(link="a", fault="", mass=1.0, before=wrong, after=nearest_physical(1.0, wrong))
+    assert inertia_fault(wrong) and repair.large
+    found, mended = repair.power_of_ten
+    assert found == key and not inertia_fault(mended)
+    assert -1e-9 <= np.log10(abs(mended[i, j] / tensor[i, j])) <= power - 1 + 1e-9  # the least power that is physical
+
+
+def test_small_repairs_are_written(tmp_path):
+    found = ad.repair_urdf(written(tmp_path, RR.replace(TAG, BROKEN, 1)))
+    assert not found.inertias[0].large and not found.unwritten
+
+
+SHAPES = {
+    "link1": '<collision><origin xyz="0 0 0.1"/><geometry><box size="0.1 0.2 0.3"/></geometry></collision>',
+    "link2": '<visual><geometry><mesh filename="ball.stl"/></geometry></visual>',
+}
+
+
+def bare_arm(folder, inertial=""):
+    """The RR arm whose links have shapes in the place of inertias; one is a ball of 0.1 m."""
+    import trimesh
+
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.1)
+    folder.mkdir(exist_ok=True)
+    ball.export(folder / "ball.stl")
+    ball.update_faces(np.arange(len(ball.faces)) > 0)  # open: no watertight one
+    ball.export(folder / "open.stl")
+    text = re.sub(r"<inertial>.*?</inertial>", inertial, RR, flags=re.DOTALL)
+    text = re.sub(r"<visual .*?</visual>", "", text, flags=re.DOTALL)
+    for name, shape in SHAPES.items():
+        text = text.replace(f'<link name="{name}">', f'<link name="{name}">{shape}')
+    return text
+
+
+def test_inertias_from_shapes_and_a_density(tmp_path):
+    """A box in closed form, and a ball's mesh of 5,120 faces, whose volume is 0.2 % smaller than a ball's."""
+    zero = '<inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>'
+    for text in (bare_arm(tmp_path), bare_arm(tmp_path, zero), bare_arm(tmp_path).replace("ball", "open")):
+        found = ad.repair_urdf(written(tmp_path, text), density=1000.0)
+        box, ball = found.estimates
+        assert (box.link, box.shapes) == ("link1", "collision: box")
+        assert ball.shapes == f"visual: mesh, {'convex hull' if 'open' in text else 'watertight'}"
+        assert box.mass == pytest.approx(6.0) and box.com == pytest.approx([0, 0, 0.1])
+        assert box.moments == pytest.approx([6 * 0.05 / 12, 6 * 0.1 / 12, 6 * 0.13 / 12])
+        assert ball.mass == pytest.approx(4 / 3 * np.pi, rel=3e-3)
+        assert ball.moments == pytest.approx(3 * [0.4 * ball.mass * 0.01], rel=3e-3)
+        robot = ad.Robot.from_urdf_string(found.text)
+        assert robot.has_dynamics and robot.repaired == "link1, link2" and found.text.count("<inertial>") == 2
+        assert robot.model.inertias[1].mass == pytest.approx(6.0) and not found.without_mass
+
+
+def test_links_without_shapes_stay_without_mass(tmp_path):
+    text = bare_arm(tmp_path).replace(SHAPES["link2"], "")
+    found = ad.repair_urdf(written(tmp_path, text), density=1000.0)
+    assert [one.link for one in found.estimates] == ["link1"] and found.without_mass == ("link2",)
+    with pytest.raises(SpecError, match="density is 0"):
+        ad.repair_urdf(written(tmp_path, text), density=0)
+
+
+def test_a_missing_mesh_is_named(tmp_path):
+    found = ad.repair_urdf(written(tmp_path, bare_arm(tmp_path).replace("ball.stl", "gone.stl")), density=1000.0)
+    assert "link 'link2': no mesh 'gone.stl'" in found.refusal and not found.estimates

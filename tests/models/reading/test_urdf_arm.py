@@ -45,11 +45,11 @@ def test_a_joint_of_its_links_name_can_be_locked_and_keeps_its_name(read):
 def test_two_joints_about_one_axis_with_nothing_between(read):
     text = urdf(link("base"), link("a", ""), link("b"), joint("i", "base", "a"), joint("j", "a", "b"))
     with pytest.raises(UrdfError, match="no inertia of its own") as caught:
-        read(text)
+        read(text).expect_dynamics()
     assert caught.value.element in ("joint 'i'", "joint 'j'")
-    assert read(text, armature=1e-3).nv == 2  # a rotor turns with each
+    assert read(text, armature=1e-3).has_dynamics  # a rotor turns with each
     across = joint("j", "a", "b", inside=f'<axis xyz="1 0 1"/>{LIMIT}')
-    assert read(urdf(link("base"), link("a", ""), link("b"), joint("i", "base", "a"), across)).nv == 2
+    assert read(urdf(link("base"), link("a", ""), link("b"), joint("i", "base", "a"), across)).has_dynamics
 
 
 def test_only_elements_of_the_dynamics_are_read(read):

@@ -34,6 +34,8 @@ BAD = {
     "empty": ("", None, "not XML"),
     "not XML": ("hello", None, "not XML"),
     "cut off": (two_links()[:-20], None, "not XML"),
+    "merge conflict": ("<<<<<<< HEAD\n" + two_links(), None, "git's conflict marker '<<<<<<< HEAD' in line 1"),
+    "rest of a merge": (two_links().replace("</robot>", "\n>>>>>>> arm\n</robot>"), None, "'>>>>>>> arm' in line 2"),
     "no URDF": ("<html/>", None, "no URDF"),
     "no link": ("<robot name='x'/>", None, "no <link>"),
     "nameless link": (urdf("<link/>"), None, "no name"),
@@ -269,9 +271,16 @@ def test_good_ones_pass():
 
 
 def test_joint_that_moves_no_inertia(read):
-    with pytest.raises(UrdfError, match="moves no inertia") as caught:
-        read(two_links(link=link("arm", "")))
+    robot = read(two_links(link=link("arm", "")))
+    assert not robot.has_dynamics and robot.nv == 1
+    with pytest.raises(UrdfError, match="moves no inertia; links without mass: arm") as caught:
+        robot.expect_dynamics()
     assert caught.value.element == "joint 'shoulder'"
+    assert robot.with_armature(0.1).has_dynamics
+
+
+def test_conflict_markers_in_a_comment_are_read(read):
+    assert read(two_links().replace("</robot>", "<!--\n<<<<<<< HEAD\n--></robot>")).nv == 1
 
 
 def test_robot_without_moving_joint(read):
