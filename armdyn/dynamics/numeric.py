@@ -29,6 +29,7 @@ def bridge_arm(robot: Robot) -> Any:
     """The bridge's `Arm` of a robot, see `_bridge/arm.hpp` and `_bridge/motion.hpp`; for one thread.
 
     Raises:
+        UrdfError: its torques are unknown, see `Robot.expect_dynamics`.
         BridgeError: it does not accelerate as `pin.aba` of the robot's model says.
     """
     import _armdyn_bridge as bridge
@@ -41,6 +42,7 @@ def _arguments(robot: Robot) -> dict[str, Any]:
     """Constructor arguments of the bridge's `Arm`, whose acceleration equals `pin.aba`."""
     import _armdyn_bridge as bridge
 
+    robot.expect_dynamics()
     friction, n = robot.friction, robot.nv
     lost = (*friction.per_joint(n), np.broadcast_to(friction.width, n)) if friction.present else 3 * (np.empty(0),)
     names = ("damping", "coulomb", "width")

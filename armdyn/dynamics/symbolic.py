@@ -52,10 +52,12 @@ class Dynamics:
 
         Raises:
             ProblemError: robot is no Robot.
+            UrdfError: its torques are unknown, see `Robot.expect_dynamics`.
             BridgeError: the installed casadi is not the one the bridge was built for.
             SpecError: no such frame, or it does not move; or both of the above.
         """
         self.robot = expect_robot(robot)
+        robot.expect_dynamics()
         self.nv = robot.nv
         self.payload_frame = payload_frame
         self.last_body = np.empty(0)

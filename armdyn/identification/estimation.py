@@ -95,9 +95,10 @@ def identify(
 
     Raises:
         LogError: a log does not fit this arm.
+        UrdfError: the arm has no inertias to begin with, see `Robot.expect_dynamics`.
         ProblemError: an argument is wrong.
     """
-    expect_robot(robot)
+    expect_robot(robot).expect_dynamics()
     one_of(what, WHAT, "what")
     options = expect(IdentifyOptions() if options is None else options, IdentifyOptions, "options")
     given = (logs,) if isinstance(logs, Log) else several(logs, "logs")

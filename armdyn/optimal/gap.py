@@ -54,7 +54,7 @@ class MotionCheck:
         worst_violation: of a limit, relative to it (positions: to the range); None if none is exceeded.
         replay_error: distance of the replay's end from the motion's own end [rad or m]; infinite if the replay
             diverges. Large: torques and positions are inconsistent, or the samples too far apart. Of several pieces the
-            worst, each from its own first state.
+            worst, each from its own first state. NaN, also for the next: the arm's torques are unknown.
         growth: largest singular value of ∂(end state)/∂(start state), open loop. Beyond
             `OPEN_LOOP_GROWTH` the motion is unstable, and other integrators' replays end elsewhere. Of several
             pieces the largest.
@@ -74,9 +74,10 @@ class MotionCheck:
         return unstable if self.growth > OPEN_LOOP_GROWTH else ""
 
     def facts(self) -> dict[str, object]:
-        """The check as JSON values; null for a replay that diverges."""
+        """The check as JSON values; null for a replay that diverges, none of a replay without known torques."""
         worst = None if self.worst_violation is None else str(self.worst_violation)
-        return attributes(self, "feasible", "replay_error", "growth", "velocity_share") | {"worst_violation": worst}
+        replayed = () if np.isnan(self.replay_error) else ("replay_error", "growth")
+        return attributes(self, "feasible", *replayed, "velocity_share") | {"worst_violation": worst}
 
 
 def check_motion(
@@ -100,12 +101,12 @@ def check_motion(
     violation, bounded = worst_of(robot, found), np.isfinite(limits.velocity)
     share = found[1].beyond[:, bounded] / limits.velocity[bounded]
     parts = [replace(part, pieces=()) for part in trajectory.split()]
-    arms = robots_of(robot, trajectory)
+    replays = list(zip(robots_of(robot, trajectory), parts, strict=True)) if robot.has_dynamics else []
     return MotionCheck(
         feasible=violation is None or violation.value <= KEPT,
         worst_violation=violation,
-        replay_error=max(_replay_error(arm, part) for arm, part in zip(arms, parts, strict=True)),
-        growth=max(_growth(arm, part) for arm, part in zip(arms, parts, strict=True)),
+        replay_error=max((_replay_error(arm, part) for arm, part in replays), default=np.nan),
+        growth=max((_growth(arm, part) for arm, part in replays), default=np.nan),
         velocity_share=1 + float(np.max(share)) if share.size else 0.0,
     )
 
@@ -251,6 +252,7 @@ def trajectory_from_path(
 ) -> Trajectory:
     """A trajectory from a planner's samples, with torques by inverse dynamics (`rnea` and the joints' friction).
 
+    Of an arm whose inertias are unknown the torques are zero, which stands for missing ones.
     Missing velocities are derivatives of the cubic spline (not-a-knot) through the positions. Missing accelerations are
     means over the steps around each sample, by differences: at a jump of the acceleration a spline overshoots over a
     few samples. Give `a` if the planner has it.
@@ -274,7 +276,8 @@ def trajectory_from_path(
         raise TrajectoryError("two samples are a jump: positions there have no derivative; give the torques instead")
     speeds = CubicSpline(bare.t, bare.q)(bare.t, 1) if v is None else bare.v
     means = Planned(bare.t, bare.q, None if v is None else bare.v, None, None).accelerations
-    tau = inverse_dynamics(robot)(bare.q, speeds, means() if a is None else _accelerations(a, bare))
+    given = means() if a is None else _accelerations(a, bare)
+    tau = inverse_dynamics(robot)(bare.q, speeds, given) if robot.has_dynamics else rest
     return Trajectory(bare.t, bare.q, speeds, tau, robot.joint_names, robot.marked(name), robot.model_hash)
 
 

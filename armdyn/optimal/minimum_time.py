@@ -11,7 +11,7 @@ import numpy as np
 
 from armdyn.arguments import expect, listener, several
 from armdyn.errors import ProblemError
-from armdyn.optimal.answer.assembly import assembled, failed, without_motion
+from armdyn.optimal.answer.assembly import assembled, failed, kinematic, without_motion
 from armdyn.optimal.answer.goals import fastest_goal
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.bound.lower_bound import least_duration
@@ -68,7 +68,9 @@ def solve_minimum_time(
     """
     expect_problem(problem)
     options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
-    return solve_task(Task.of(problem, options, progress=listener(progress)))
+    posed = problem.without_torques() if problem.kinematic else problem
+    solution = solve_task(Task.of(posed, options, progress=listener(progress)))
+    return kinematic(problem, solution) if problem.kinematic else solution
 
 
 def solve_task(task: Task, seconds: float | None = None) -> Solution:

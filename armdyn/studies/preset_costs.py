@@ -88,7 +88,11 @@ def condition_costs(
     costs = []
     with suppress(KeyboardInterrupt):
         for condition, share in _shares(solution).items():
-            relaxed = problem.variant(preset=problem.preset.without(condition))
+            try:
+                relaxed = problem.variant(preset=problem.preset.without(condition))
+            except ProblemError:  # a kinematic problem without limits of its accelerations
+                costs.append(ConditionCost(condition, share, cost=None))
+                continue
             reason = "the motion stays below its limit" if share < REACHED else _as_strict(problem, relaxed)
             if reason:
                 costs.append(ConditionCost(condition, share, reason=reason))

@@ -99,7 +99,8 @@ def _motion(
     planned = read_planned(file, names)
     if arm is None and planned.tau is None and preset.interface == "torque":
         raise ProblemError(f"{file} has no torques, which the torque interface takes: --robot ROBOT computes them")
-    if arm is not None and planned.tau is None and planned.t.size > 2:  # accelerations are differences of three
+    # Accelerations are differences of three points; of an arm without inertias torques are unknown.
+    if arm is not None and arm.has_dynamics and planned.tau is None and planned.t.size > 2:
         planned = replace(planned, tau=motion_of(arm, file).motion.tau)
     return planned, names
 

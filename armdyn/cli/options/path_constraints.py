@@ -106,6 +106,10 @@ class PathConstraintOptions(SceneOptions):
         "A,B", "Names that may touch at the start or the goal, as a payload and its table. May be given again."
     )
     rates: RateOptions = field(default_factory=RateOptions)
+    kinematic: bool = flag(
+        "Leave torques out, as for a URDF without inertias: limits of position, velocity, acceleration and jerk alone.",
+        rich_help_panel=LIMITS,
+    )
     limit: list[str] | None = option(
         "NAME=X[,X…][@FRAME]",
         "A limit along the way, such as tip-speed=0.25; --limit help lists them. May be given again.",
@@ -129,6 +133,7 @@ class PathConstraintOptions(SceneOptions):
             **self.scene_arguments(robot),
             "end_contacts": _pairs(self.end_contact),
             **vars(self.rates),
+            "kinematic": self.kinematic,
             "path_constraints": [path_constraint_from(text) for text in self.limit or ()],
         }
 

@@ -57,8 +57,10 @@ def mujoco_model(
     Raises:
         ProblemError: the motion has other joints, or the arm lacks requested geometry.
         TrajectoryError: a name has characters that XML cannot have.
+        UrdfError: the arm's inertias are unknown, see `Robot.expect_dynamics`.
     """
-    robot, model = expect_robot(robot), robot.model
+    expect_robot(robot).expect_dynamics()
+    model = robot.model
     solids = _solids(robot) if flag(geometry, "geometry") else ()
     root = Element("mujoco", model=xml_name(robot.name))
     SubElement(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false", balanceinertia="false")

@@ -106,6 +106,15 @@ def without_motion(problem: MinimumTimeProblem, status: Status, why: str, last: 
     return Solution(False, status, said, problem, last.duration, last, nothing, moves=False)
 
 
+def kinematic(problem: MinimumTimeProblem, solution: Solution) -> Solution:
+    """The solution of a kinematic problem from that of its `without_torques`: the motion has no torques."""
+    motion = solution.trajectory
+    motion = replace(motion, tau=np.zeros_like(motion.tau), model_hash=problem.robot.model_hash)
+    posed = solution.problem.variant(robot=problem.robot, kinematic=True, effort_limit=None)
+    own = with_certificate(solution, replace(solution.certificate, replay="accelerations"))
+    return replace(own, problem=posed, trajectory=motion)
+
+
 def ended_in_time(solution: Solution, limit: float) -> Solution:
     """Mark a solution with several goals, some of which the time limit [s] left untried."""
     if solution.status is Status.TIME_LIMIT or not solution.success or solution.certificate.ok:

@@ -23,10 +23,9 @@ def verdict(solution: Solution) -> str:
     if not solution.usable:
         return "certified, but cannot stay at the goal" if solution.certified else "not usable"
     gap = solution.gap if solution.gap_proven else None
-    if solution.certificate.extremal:
-        return "certified"
-    above = "" if gap is None else f"gap {percent(max(gap, 0.0))}"
-    return ", ".join(filter(None, ("certified" if solution.certified else "not certified", above)))
+    torques = "without torques" if solution.problem.kinematic else ""
+    above = "" if gap is None or solution.certificate.extremal else f"gap {percent(max(gap, 0.0))}"
+    return ", ".join(filter(None, ("certified" if solution.certified else "not certified", above, torques)))
 
 
 Check = tuple[str, bool | None, str]
@@ -43,7 +42,10 @@ def assessment(solution: Solution) -> str:
     if not solution.feasible:
         return f"The motion is not executable: {solution.message}."
     said = ["The motion is executable."]
-    if problem.holding_deficit is not None:
+    if problem.kinematic:
+        why = "as requested" if problem.robot.has_dynamics else "the arm's inertias are unknown"
+        said = [f"The motion keeps its limits of position, velocity, acceleration and jerk, without torques: {why}."]
+    elif problem.holding_deficit is not None:
         said = [f"The motion reaches the goal, but the arm cannot stay there: {problem.holding_deficit.words}."]
     elif certificate.replay == "segments":
         said = ["The motion is executable under feedback; open loop it is unstable."]
@@ -154,6 +156,8 @@ def replay_words(certificate: Certificate) -> str:
     within = f"ends within {certificate.goal_error:.1e} {joint_unit(slides)} of the goal"
     if certificate.replay == "curve":
         return f"{within}, torques by inverse dynamics; not replayed"
+    if certificate.replay == "accelerations":
+        return f"integrated from its accelerations, it {within}"
     growth = "" if certificate.growth is None else f"{certificate.growth:.2g}"
     if certificate.replay == "open loop":
         grown = f" (growth {growth})" if growth else ""

@@ -162,7 +162,9 @@ def lower_bound(
         BridgeError: the dynamics have an operation without an interval extension.
     """
     stopped, numbers = stopper(stop), policy or BoundPolicy()
-    if expect_problem(problem).goal_pose is None and len(problem.goals) > 1:
+    if expect_problem(problem).kinematic:
+        problem = problem.without_torques()
+    if problem.goal_pose is None and len(problem.goals) > 1:
         return _least_over_turns(problem, stopped, numbers)
     *legs, last = legs_of(problem, numbers)
     if problem.goal_pose is None:

@@ -40,6 +40,7 @@ class TorqueRateLimit(PathConstraint):
     limit: ArrayLike
 
     name = "torque-rate limits"
+    of_torques = True
     continuous_torque = True
     option, metavar, help = (
         "torque-rate",
@@ -198,6 +199,7 @@ class RmsTorque(PartialLimit):
     dwell: float = 0.0
 
     name = "continuous-torque limits"
+    of_torques = True
     option, metavar, help = (
         "rms-torque",
         "L[,L…][@DWELL]",

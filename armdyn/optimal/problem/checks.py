@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -85,12 +86,39 @@ def check_every_joint_has_motor(robot: Robot, limits: JointLimits, reason: str) 
         raise ProblemError(f"{reason}, which takes a motor at every joint; joint {name!r} has none")
 
 
-def check_limits(robot: Robot, limits: JointLimits) -> None:
-    """Refuse empty ranges of position or torque, and infinite torque limits."""
+_OF_TORQUES = ("effort_limit", "reserve", "passive", "effort_weight", "relative_effort_weight")
+"""Arguments of a problem that are about torques."""
+
+
+def check_without_torques(problem: Any) -> None:
+    """Refuse a kinematic `MinimumTimeProblem` with arguments about torques."""
+    values = {name: getattr(problem, name) for name in _OF_TORQUES}
+    given = [name for name, value in values.items() if value is not None and np.size(value) and np.any(value)]
+    if given:
+        raise ProblemError(f"`{given[0]}` is about torques, which `kinematic` leaves out: give one of the two")
+    for constraint in check_path_constraints(problem.path_constraints):
+        if constraint.of_torques:
+            raise ProblemError(f"{constraint.name} are about torques, which `kinematic` leaves out")
+    if problem.preset is not None and problem.preset.interface == "torque":
+        raise ProblemError(f"the torque interface of {problem.preset.name} takes torques, which `kinematic` leaves out")
+
+
+def check_accelerations(robot: Robot, largest: Array) -> None:
+    """Refuse a joint of a kinematic problem with an infinite largest acceleration, shape (nv,)."""
+    if not np.all(np.isfinite(largest)):
+        name = robot.joint_names[int(np.argmax(largest))]
+        raise ProblemError(
+            f"joint {name!r} has no limit of its acceleration, which `kinematic` needs in place of the torques: give "
+            "`acceleration_limit`, or `jerk_limit` and `velocity_limit`"
+        )
+
+
+def check_limits(robot: Robot, limits: JointLimits, torques: bool = True) -> None:
+    """Refuse empty ranges of position or torque, and infinite torque limits unless torques do not count."""
     for i, joint in enumerate(robot.joint_names):
         unit, effort = joint_unit(robot.slides[[i]]), joint_unit(robot.slides[[i]], "N m", "N")
         lower, upper = limits.actuators.lower[i], limits.actuators.upper[i]
-        if not (lower < upper or limits.passive[i]) or not np.isfinite(upper - lower):
+        if torques and (not (lower < upper or limits.passive[i]) or not np.isfinite(upper - lower)):
             raise ProblemError(
                 f"joint {joint!r} has torque limits [{lower}, {upper}] {effort}; minimum time needs finite ones, the "
                 f"lower below the upper: give `effort_limit`, or name the joint in `passive` if it has no motor"

@@ -13,11 +13,13 @@ class PathConstraintSpec:
     Attributes:
         name: plural, for messages: "torque-rate limits".
         continuous_torque: whether the torque must be continuous, hence linear between knots.
+        of_torques: whether the constraint is about torques, so that a kinematic problem cannot have it.
         curves_alone: whether only curves, not meshes, can satisfy the constraint.
     """
 
     name: ClassVar[str]
     continuous_torque: ClassVar[bool] = False
+    of_torques: ClassVar[bool] = False
     curves_alone: ClassVar[bool] = False
 
     def option_text(self) -> str:

@@ -21,11 +21,13 @@ from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.scene.collision import CollisionModel, collision_model
 from armdyn.models.scene.obstacles import Obstacle, check_scene, contacts, obstacle_entry
 from armdyn.models.scene.reaching import GoalPose, poses_reaching
+from armdyn.models.values.actuator_limits import ConstantTorque
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.per_joint import per_joint
 from armdyn.models.values.placement import pose_entry
 from armdyn.optimal.problem.checks import (
     HoldingDeficit,
+    check_accelerations,
     check_clear,
     check_every_joint_has_motor,
     check_limits,
@@ -33,6 +35,7 @@ from armdyn.optimal.problem.checks import (
     check_path_constraints,
     check_poses,
     check_state,
+    check_without_torques,
     clear_goals,
     holding_deficits,
     warn_if_not_held,
@@ -46,6 +49,9 @@ from armdyn.parsing.toml import MAX_BYTES, to_toml
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called, several_numbers
 from armdyn.trajectory import Trajectory
+
+_IDLE = 2.0
+"""Torque limits of `without_torques` over the largest acceleration: they decide nothing."""
 
 
 @brief
@@ -94,6 +100,8 @@ class MinimumTimeProblem:
             `TorqueRateLimit(50.0)`.
         preset: limits of the robot's controller, those of the preset's interface, necessary and recommended; the
             tighter of these and the limits above holds.
+        kinematic: leave torques out, as for an arm whose inertias are unknown: the limits of position, velocity,
+            acceleration and jerk alone count. Each joint needs a limit of its acceleration, or of velocity and jerk.
         limits: limits of the motion, less the reserves, each of shape (nv,); certificate, lower bound and sensitivities
             refer to these.
         goals: joint positions that are tried as goals [rad or m], each of shape (nv,); the first is q_goal.
@@ -133,6 +141,7 @@ class MinimumTimeProblem:
     jerk_limit: ArrayLike | None = None
     path_constraints: Sequence[PathConstraintSpec] = ()
     preset: ControllerPreset | None = None
+    kinematic: bool = False
     limits: JointLimits = field(init=False, repr=False)
     goals: tuple[Array, ...] = field(init=False, repr=False)
     poses: Array = field(init=False, repr=False)
@@ -149,8 +158,13 @@ class MinimumTimeProblem:
         self._resolve_ends()
         for name in ("effort_weight", "relative_effort_weight"):
             number(getattr(self, name), name, sign="not negative")
-        for name in ("wrap", "self_collision"):
+        for name in ("wrap", "self_collision", "kinematic"):
             flag(getattr(self, name), name)
+        if self.kinematic:
+            check_without_torques(self)
+            self._set(preset=self.preset and self.preset.without("torque", "torque_rate"))
+        else:
+            self.robot.expect_dynamics()
         self._set(limits=self._resolve_limits())
         goals = [np.asarray(self.q_goal)]
         if self.goal_pose is not None:
@@ -221,6 +235,18 @@ class MinimumTimeProblem:
     def without_obstacles(self) -> Self:
         """The problem without obstacles and self-collision."""
         return self.variant(obstacles=(), self_collision=False, allowed_contacts=(), end_contacts=())
+
+    def without_torques(self) -> Self:
+        """The problem of an arm whose torques are its accelerations, see `Robot.with_unit_inertia`."""
+        robot, most = self.robot.with_unit_inertia(), _IDLE * self._largest_acceleration
+        return self.variant(robot=robot, kinematic=False, effort_limit=most)
+
+    @property
+    def _largest_acceleration(self) -> Array:
+        """Largest acceleration within the limits of the rates [rad/s² or m/s²], shape (nv,): from -v to v by jerks."""
+        none = np.full(self.robot.nv, np.inf)
+        acceleration, jerk = (none if x is None else np.asarray(x) for x in (self.acceleration_limit, self.jerk_limit))
+        return np.asarray(np.minimum(acceleration, np.sqrt(2 * self.limits.velocity * jerk)))
 
     @property
     def continuous_torque(self) -> bool:
@@ -335,7 +361,7 @@ class MinimumTimeProblem:
         return tuple(found)
 
     def _deficits_at(self, q: Array, pose: str = "goal") -> list[HoldingDeficit]:
-        return holding_deficits(self.robot, self.limits, q, self.reserves.effort, pose)
+        return [] if self.kinematic else holding_deficits(self.robot, self.limits, q, self.reserves.effort, pose)
 
     def holding_torque(self) -> Array:
         """Torque that holds the arm still at the goal [N m or N], shape (nv,)."""
@@ -380,6 +406,8 @@ class MinimumTimeProblem:
         rates = {"acceleration_limit": self.acceleration_limit, "jerk_limit": self.jerk_limit}
         kept = {name: rate_limit(own, name, self.robot, self.preset) for name, own in rates.items()}
         self._set(own_rates=rates, **kept)
+        if self.kinematic:
+            check_accelerations(self.robot, self._largest_acceleration)
         self._resolve_poses()
         self._resolve_clear()
         path_constraints = check_path_constraints(self.path_constraints)
@@ -433,6 +461,11 @@ class MinimumTimeProblem:
         limits = resolved_limits(robot, self.effort_limit, self.velocity_limit, self.position_limit)
         limits = limits if self.preset is None else limits_under(limits, self.preset)
         self._set(passive=several(self.passive, "passive"))
+        if self.kinematic:
+            none = np.full(robot.nv, np.inf)
+            limits = replace(limits, effort_lower=-none, effort_upper=none, actuators=ConstantTorque(-none, none))
+            check_limits(robot, limits, torques=False)
+            return kept.left(limits, robot.joint_names)
         limits = limits.without_motors(self.passive, robot.joint_names, ProblemError)
         check_motors(robot, limits, self.relative_effort_weight)
         check_limits(robot, limits)

@@ -87,7 +87,8 @@ class Certificate:
         replay: "open loop": the torques alone reach the goal, with any integrator. "segments": the motion is too
             unstable for that; every segment between samples was integrated from the motion's own state, and the motion
             was replayed under feedback (`proof.repeat`). "curve": the motion was not replayed; its torques are those of
-            inverse dynamics at the samples (`Resolver`).
+            inverse dynamics at the samples (`Resolver`). "accelerations": of a kinematic problem; accelerations were
+            integrated in place of torques.
         growth: largest singular value of ∂(end state)/∂(start state), open loop, with states in
             rad or m, and per second. None, also for the next: not computed, for candidates.
         segment_error: largest distance of a segment's end from the motion's next sample [rad or m, and per second].
@@ -116,7 +117,7 @@ class Certificate:
     remark: str = ""
     exceeded: Violation | None = None
     landing: float = REPLAY_TOLERANCE
-    replay: Literal["open loop", "segments", "curve"] = "open loop"
+    replay: Literal["open loop", "segments", "curve", "accelerations"] = "open loop"
     growth: float | None = None
     segment_error: float | None = None
     correction: float | None = None

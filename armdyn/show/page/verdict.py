@@ -189,6 +189,8 @@ def _possible(facts: Facts) -> tuple[tuple[str, bool | None, str], ...]:
     led = "they diverge" if end is None else f"replayed without feedback, they end {end:.1e} rad or m off its end"
     if growth is not None and growth > OPEN_LOOP_GROWTH:
         led += f"; unstable open loop (growth {growth:.2g}): other integrators end elsewhere"
+    if "replay_error" not in facts:
+        led = "unknown, as the arm's inertias are"
     return (
         ("keeps its limits", facts.true("feasible"), f"worst: {worst}" if worst else "none is exceeded"),
         ("its torques lead to its end", None, led),

@@ -1,0 +1,73 @@
+"""The commands on a vendor's file without inertias: what needs none works, and `--kinematic`."""
+
+import pytest
+
+from cli.command import run_here, run_json
+from oracles import joint, link, urdf
+
+LIMIT = '<limit lower="-2" upper="2" effort="100" velocity="3"/>'
+VENDOR = urdf(
+    *(link(name, "") for name in ("base", "a", "b", "c")),
+    *(
+        joint(f"j{i}", *ends, inside=f'<origin xyz="0 0 0.3"/><axis xyz="0 1 0"/>{LIMIT}')
+        for i, ends in enumerate((("base", "a"), ("a", "b"), ("b", "c")), 1)
+    ),
+)
+PRESET = """name = "mine"
+robot = "vendor"
+joints = ["j1", "j2", "j3"]
+[limits]
+velocity = 3.0
+acceleration = 6.0
+torque = 10.0
+[interfaces.position]
+rate = 250
+necessary = ["velocity", "acceleration", "torque"]
+"""
+POSES = ("--q-start", "0,0,0", "--q-goal", "1,0.5,-0.5")
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "arm.urdf").write_text(VENDOR)
+    (tmp_path / "mine.toml").write_text(PRESET)
+    (tmp_path / "motion.csv").write_text("t,j1,j2,j3\n0,0,0,0\n0.5,0.2,0.1,-0.1\n1,0.4,0.2,-0.2\n1.5,0.4,0.2,-0.2\n")
+    return tmp_path
+
+
+def test_doctor_lists_the_links_once(folder):
+    data = run_json("doctor", "arm.urdf", cwd=folder)
+    assert data["status"] == "no_dynamics" and data["success"] and len(data["joints"]) == 3
+    (remark,) = (one for one in data["remarks"] if "without mass" in one)
+    assert "a, b, c." in remark and "--kinematic" in remark and "--density" in remark
+
+
+def test_a_motion_is_shown_and_checked(folder, unrendered):
+    assert run_json("replay", "arm.urdf", "motion.csv", "--out", "page", cwd=folder)["success"]
+    assert "unknown, as the arm" in (folder / "page" / "replay.html").read_text()
+    without = (folder / "mine.toml").read_text().replace(', "acceleration"', "")  # which jumps in a table of positions
+    (folder / "loose.toml").write_text(without)
+    data = run_json("check", "motion.csv", "--preset", "loose.toml", "--robot", "arm.urdf", cwd=folder)
+    assert data["status"] == "accepted" and "not checked" in str(data)
+    assert run_json("robots", "arm.urdf", cwd=folder)["joints"] == ["j1", "j2", "j3"]
+
+
+def test_minimum_time(folder):
+    options = ("--no-figure", "--no-report", "--out", "m")
+    data = run_json("mintime", "arm.urdf", *POSES, *options, code=2, cwd=folder)
+    assert "links without mass: a, b, c" in data["message"] and "(armdyn identify)" in data["message"]
+    assert "--kinematic" in data["message"] and "--armature" in data["message"]
+    assert run_json("mintime", "arm.urdf", *POSES, *options, "--armature", "0.5", cwd=folder)["usable"]
+    data = run_json("mintime", "arm.urdf", *POSES, *options, "--kinematic", "--preset", "mine.toml", cwd=folder)
+    # 1 rad at 6 rad/s²; the replay keeps 1e-6.
+    assert data["duration"] == pytest.approx(2 / 6**0.5, rel=1e-6) and data["kinematic"] and data["certified"]
+    assert {cost["condition"] for cost in data["controller"]["costs"]} == {"velocity", "acceleration"}
+    said = run_here("mintime", "arm.urdf", *POSES, *options, "--kinematic", "--jerk-limit", "9", cwd=folder).stdout
+    assert "without torques: the arm's inertias are unknown" in " ".join(said.split())
+    bound = run_json("bound", "arm.urdf", *POSES, "--kinematic", "--acceleration-limit", "6", cwd=folder)
+    assert bound["bound"] == pytest.approx(2 / 6**0.5, rel=1e-3)
+
+
+def test_closed_loops_need_inertias(folder):
+    data = run_json("pid", "arm.urdf", *POSES, code=2, cwd=folder)
+    assert "moves no inertia; links without mass: a, b, c" in data["message"]
