@@ -17,6 +17,7 @@ from armdyn.errors import ProblemError, TrajectoryError, reraised
 from armdyn.files import read_bounded
 from armdyn.parsing.numbers import to_number
 from armdyn.parsing.yaml_text import read_yaml
+from armdyn.trajectory.tables import check_times
 
 SUFFIXES = (".json", ".yaml", ".yml")
 
@@ -57,6 +58,8 @@ def read_message(file: Path, joints: Sequence[str]) -> dict[str, Array]:
     for kind, what in _KINDS.items():
         if (columns := _columns(file, kind, points, len(names))) is not None:
             found[what] = columns[:, order]
+    with reraised(TrajectoryError, str(file)):
+        check_times(found["t"], [array for what, array in found.items() if what != "t"], "points[{}]".format)
     return found
 
 

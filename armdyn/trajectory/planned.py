@@ -22,6 +22,7 @@ from armdyn.reprs import brief
 from armdyn.trajectory import messages, npz
 from armdyn.trajectory.formats.csv_table import PIECE_COLUMNS, UNITS
 from armdyn.trajectory.formats.ros2 import HELD
+from armdyn.trajectory.tables import check_columns, check_times
 from armdyn.trajectory.value import Hold
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".npz", *messages.SUFFIXES)
@@ -88,8 +89,7 @@ class Planned:
         Raises:
             TrajectoryError: there are fewer than three samples, or times do not increase.
         """
-        if self.t.ndim != 1 or self.t.size < 3 or not np.all(np.diff(self.t) > 0):
-            raise TrajectoryError(f"t must be at least three increasing times [s], got shape {self.t.shape}")
+        check_times(self.t, [self.q], least=3)
         steps = np.diff(self.t)[:, None]
         between = (steps[1:] + steps[:-1]) / 2
         if self.v is None:
@@ -121,7 +121,8 @@ def read_planned(path: str | os.PathLike[str], joint_names: Sequence[str]) -> Pl
         joint_names: of the robot, in its order.
 
     Raises:
-        TrajectoryError: it cannot be read, has no times or positions, or a joint is missing.
+        TrajectoryError: it cannot be read, has no times or positions, a joint is missing, times do not increase, or
+            columns are in different units: see `check_columns`.
     """
     file = Path(path_of(path, "path of a motion", error=TrajectoryError))
     suffix = file.suffix.lower()
@@ -134,6 +135,8 @@ def read_planned(path: str | os.PathLike[str], joint_names: Sequence[str]) -> Pl
         raise TrajectoryError(f"{file}: there is no {' and no '.join(missing)}{joints}; {_USAGE}")
     with reraised(TrajectoryError, str(file)):
         arrays = {what: npz.bounded(array, what) for what, array in found.items()}
+        check_times(arrays["t"], [array for what, array in arrays.items() if what != "t"])
+    check_columns(arrays["t"], (arrays["q"], arrays.get("v"), arrays.get("a")), joint_names, str(file))
     return Planned(**arrays, hold="zero-order" if suffix != ".npz" and _is_own(file) else "linear")
 
 
@@ -220,7 +223,11 @@ def _columns(file: Path, joint_names: Sequence[str]) -> dict[str, Array]:
     else:
         raise TrajectoryError(f"{file}: its first line is numbers; {_USAGE}")
     table = _numbers(file, rows[1:], names)
-    return _sorted(file, names, table, joint_names)
+    found = _sorted(file, names, table, joint_names)
+    if "t" in found and "q" in found:
+        with reraised(TrajectoryError, str(file)):
+            check_times(found["t"], [table], lambda k: f"row {k + 1} (line {rows[k + 1][0]})")
+    return found
 
 
 def _numbers(file: Path, rows: Iterable[tuple[int, list[str]]], names: Sequence[str]) -> Array:

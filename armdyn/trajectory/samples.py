@@ -19,6 +19,7 @@ from armdyn.reprs import brief, joints_of
 from armdyn.trajectory.formats.csv_table import CsvTable, dataframe
 from armdyn.trajectory.formats.mujoco import Mujoco
 from armdyn.trajectory.formats.ros2 import joint_trajectory
+from armdyn.trajectory.tables import check_times
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -81,9 +82,8 @@ def check_shapes(motion: Any, arrays: Sequence[str]) -> None:
     Raises:
         TrajectoryError: they do not.
     """
-    n = motion.t.size if motion.t.ndim == 1 else 0
-    if n < 2 or not np.all(np.diff(motion.t) > 0):
-        raise TrajectoryError(f"t must be at least two increasing times [s], got shape {motion.t.shape}")
+    check_times(motion.t, [getattr(motion, field) for field in arrays])
+    n = motion.t.size
     for field in arrays:
         shape = getattr(motion, field).shape
         if len(shape) != 2 or shape[0] != n:

@@ -99,8 +99,8 @@ def test_refusals(motion, here):
         ("own.npz", "--preset", "franka-panda", "--payload", "1"): "need --robot",
         ("none.csv", "--preset", "franka-panda"): "none.csv: no such file",
         (".", "--preset", "franka-panda"): "trajectory.npz: no such file",
-        ("back.csv", "--preset", "franka-panda"): "times must increase: t[2] is",
-        ("few.csv", "--preset", "franka-panda"): "two points or more",
+        ("back.csv", "--preset", "franka-panda"): "row 3 (line 4): t = 0.5 s does not rise above the 1 s",
+        ("few.csv", "--preset", "franka-panda"): "at least two increasing times",
         ("six.csv", "--preset", "franka-panda"): "6 columns are q, of 7 joints",
         ("ur.json", "--preset", "franka-panda"): "joint 'joint1' is not among them",
     }
@@ -141,3 +141,14 @@ def test_two_points_have_no_torques_but_a_verdict(here):
     (here / "two.csv").write_text("t,q1,q2,q3,q4,q5,q6\n0,0,0,0,0,0,0\n2,0.1,0,0,0,0,0\n")
     facts = check("two.csv", "--robot", "ur5", preset="ur5")
     assert facts["accepted"] and "not checked, the motion has no torques: torque" in facts["notes"]
+
+
+def test_a_table_in_milliseconds_is_refused_and_one_without_velocities_remarked(motion, here):
+    head = "t," + ",".join(f"{what}{i}" for what in ("q", "v") for i in range(1, 8))
+    for name, scales in {"ms.csv": (1e3, 1), "still.csv": (1, 0)}.items():
+        columns = [scales[0] * motion.t[::10], motion.q[::10], scales[1] * motion.v[::10]]
+        np.savetxt(here / name, np.column_stack(columns), delimiter=",", comments="", header=head)
+    said = check("ms.csv", code=2)["message"]
+    assert "times the derivative of positions: is t in ms? (a table" in said
+    found = answer(run_here("check", "still.csv", "--preset", "franka-panda", "--json"), 3)
+    assert "all velocities are 0 although positions change" in found["warnings"][0]

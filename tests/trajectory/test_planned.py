@@ -1,6 +1,7 @@
 """Motions as planners leave them: columns by their names, arrays by theirs, and one kind of error for all else."""
 
 import io
+import json
 import zipfile
 
 import numpy as np
@@ -157,5 +158,32 @@ def test_accelerations_are_exact_of_parabolas_and_never_beyond_at_a_jump():
 def test_accelerations_need_three_times():
     with pytest.raises(TrajectoryError, match="at least three increasing times"):
         Planned(np.array([0.0, 1.0]), np.zeros((2, 1))).accelerations()
-    with pytest.raises(TrajectoryError, match="at least three increasing times"):
+    with pytest.raises(TrajectoryError, match=r"t\[2\]: t = 1 s does not rise above the 1 s of t\[1\]; both rows"):
         Planned(np.array([0.0, 1.0, 1.0]), np.zeros((3, 1))).accelerations()
+
+
+def twice(tmp_path, kind, later, row):
+    """A motion of four rows, whose third has the time `later`, and its second row's values where `row` says so."""
+    t, q = np.array([0.0, 1.0, later, 3.0]), np.cumsum(np.ones((4, 2)), axis=0)
+    q[2] = q[1] if row else q[2]
+    if kind == "npz":
+        np.savez(tmp_path / "a.npz", t=t, q=q)
+        return tmp_path / "a.npz"
+    if kind == "csv":
+        return table(tmp_path, "t,q1,q2", t, q)
+    stamps = [{"sec": int(one), "nanosec": 0} for one in t]
+    points = [{"positions": at.tolist(), "time_from_start": one} for at, one in zip(q, stamps, strict=True)]
+    (tmp_path / "a.json").write_text(json.dumps({"joint_names": JOINTS, "points": points}))
+    return tmp_path / "a.json"
+
+
+@pytest.mark.parametrize(
+    ("kind", "later", "before"),
+    [("csv", "row 3 (line 4)", "row 2 (line 3)"), ("npz", "t[2]", "t[1]"), ("json", "points[2]", "points[1]")],
+)
+def test_rows_whose_times_do_not_rise_are_named(tmp_path, kind, later, before):
+    for time, row, more in ((1.0, True, "one of them may be removed"), (1.0, False, "must increase"), (0.0, True, "")):
+        with pytest.raises(TrajectoryError) as caught:
+            read_planned(twice(tmp_path, kind, time, row), JOINTS)
+        assert f"{later}: t = {time:g} s does not rise above the 1 s of {before}; " in str(caught.value)
+        assert str(caught.value).endswith(more) and ("removed" in str(caught.value)) == (row and time == 1)

@@ -17,6 +17,7 @@ from armdyn.trajectory import Samples, Trajectory
 from armdyn.trajectory.interpolation import INTERPOLATIONS, KEPT, between_rows, interpolated
 from armdyn.trajectory.planned import Planned
 from armdyn.trajectory.samples import landed
+from armdyn.trajectory.tables import check_times
 
 REST = 3
 """Ticks of rest before and after a motion: as many as the third difference reaches back."""
@@ -122,11 +123,7 @@ def check_points(motion: Trajectory | Samples | Planned) -> None:
         TrajectoryError: there are fewer than two points, times do not increase, or arrays do not fit.
     """
     t, q = np.asarray(motion.t), np.asarray(motion.q)
-    if t.ndim != 1 or t.size < 2:
-        raise TrajectoryError(f"a motion has two points or more; t has shape {t.shape}")
-    if np.any(late := np.diff(t) <= 0):
-        k = int(np.argmax(late))
-        raise TrajectoryError(f"times must increase: t[{k + 1}] is {t[k + 1]:.9g} s after t[{k}] of {t[k]:.9g} s")
+    check_times(t, [q])
     for name in ("q", "v", "tau") if isinstance(motion, Trajectory) else ("q", "v", "a", "tau"):
         array = getattr(motion, name)
         if array is not None and (np.ndim(array) != 2 or np.shape(array) != (t.size, q.shape[-1])):
