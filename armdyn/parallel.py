@@ -112,12 +112,16 @@ def shared_pool(
 
 
 @contextmanager
-def concurrently(job: Callable[[], Result], workers: int | None) -> Iterator[Callable[[], Result]]:
+def concurrently(
+    job: Callable[[], Result], workers: int | None, stop: Callable[[], bool], otherwise: Result
+) -> Iterator[Callable[[], Result]]:
     """Run a job in a process of its own; yields a function that waits for the result and returns it.
 
     Args:
         job: the function; if its worker dies or raises, or there is none, it runs here when the result is requested.
         workers: processes at most; with one there is no other.
+        stop: condition that the job polls, too; once true, it is waited for no longer than the grace period.
+        otherwise: result of a job that goes on beyond that.
     """
     known: list[Result] = []
     with job_pool([job] if workers != 1 else [], None, least=1) as pool:
@@ -125,9 +129,13 @@ def concurrently(job: Callable[[], Result], workers: int | None) -> Iterator[Cal
             pool.submit(0, 0)
 
         def result() -> Result:
-            if not known:
-                found = pool.finished(None)[0][2] if pool.count else None
-                known.append(job() if found is None else found[0])
+            while not known:
+                stopped = stop()
+                found = pool.finished(_GRACE) if pool.count else [(0, None, None)]
+                if found:
+                    known.append(job() if found[0][2] is None else found[0][2][0])
+                elif stopped:
+                    known.append(otherwise)
             return known[0]
 
         yield result

@@ -12,7 +12,7 @@ import pytest
 
 from armdyn.optimal.problem.status import Stop, stopping
 from armdyn.paper.parallel import as_completed
-from armdyn.parallel import in_processes, shared_pool
+from armdyn.parallel import concurrently, in_processes, shared_pool
 
 HERE = os.getpid()
 FORK = multiprocessing.get_context("fork")
@@ -289,3 +289,14 @@ def test_jobs_that_a_thread_left_behind_are_done():
     thread.join()  # and its workers end with it
     assert [square for square, _ in [*known, *results]] == [k * k for k in range(6)]
     assert gone()
+
+
+@pytest.mark.slow
+def test_a_job_that_does_not_poll_its_stop_is_given_up():
+    stop = Stop(deadline=time.perf_counter() + 0.1)
+    with concurrently(partial(time.sleep, PATIENCE), None, stop.__bool__, "unknown") as result:
+        began = time.monotonic()
+        assert result() == result() == "unknown"
+    assert time.monotonic() - began < PATIENCE / 2  # two grace periods of 0.75 s
+    with concurrently(partial(square, 3), None, lambda: True, None) as result:
+        assert result()[0] == 9 and result()[1] != HERE  # it has ended within the grace period

@@ -30,7 +30,7 @@ import casadi as ca
 from armdyn.codegen.background import build_later
 from armdyn.codegen.cache import cache_directory, private_folder, protected
 from armdyn.codegen.compiler import FLAGS, CompilerError, built
-from armdyn.codegen.deadline import NoTimeError, left, part_of_time
+from armdyn.codegen.deadline import NoTimeError, expect_time, left, part_of_time
 from armdyn.errors import ArmdynWarning
 from armdyn.files import read_sealed, write_sealed
 
@@ -53,6 +53,8 @@ _warned: set[str] = set()
 
 _EACH = 2e-4
 """Approximate compile time of an instruction, with other work in parallel [s]."""
+_WRITTEN = 5e-6
+"""Approximate time in which CasADi writes an instruction in C [s]."""
 
 
 def compiled(
@@ -80,6 +82,8 @@ def compiled(
     compiler = _compiler()
     if compile_mode is False or compiler is None:
         return functions
+    size = sum(function.n_instructions() for function in functions)
+    expect_time(size * _WRITTEN, "writing its equations in C")
     generator = ca.CodeGenerator("armdyn.c", {"with_header": False})
     for function in functions:
         generator.add(function)
@@ -87,7 +91,6 @@ def compiled(
     def loaded(library: str) -> list[ca.Function]:
         return [ca.external(function.name(), library) for function in functions]
 
-    size = sum(function.n_instructions() for function in functions)
     return _library_of(_Recipe.of(compiler, generator.dump(), size, loaded), compile_mode, later) or functions
 
 

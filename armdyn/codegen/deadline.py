@@ -9,8 +9,12 @@ _deadline: ContextVar[float] = ContextVar("deadline", default=float("inf"))
 _stopped: ContextVar[Callable[[], bool]] = ContextVar("stopped", default=lambda: False)
 
 
+_LATE = 1.0
+"""Time by which work that no one can stop may end after the deadline [s]: estimates are rough."""
+
+
 class NoTimeError(Exception):
-    """Too little time is left to compile. Caught within every solve, which continues without machine code."""
+    """Too little time is left to compile, or to build. Caught within every solve, which continues without, or ends."""
 
 
 @contextmanager
@@ -32,6 +36,20 @@ def part_of_time(part: float) -> Iterator[None]:
         yield
     finally:
         _deadline.reset(token)
+
+
+def expect_time(seconds: float, work: str) -> None:
+    """Check that there is time for work that cannot be stopped, before it begins.
+
+    Args:
+        seconds: estimate of the time that it takes [s].
+        work: in words, such as "building its equations".
+
+    Raises:
+        NoTimeError: it would end more than a second after the deadline, or takes more than one after it, or a stop.
+    """
+    if seconds > max(left(), 0.0) + _LATE:
+        raise NoTimeError(f"{work} takes some {seconds:.2g} s")
 
 
 def left() -> float:

@@ -10,8 +10,9 @@ from functools import partial
 import numpy as np
 
 from armdyn.arguments import expect, listener, several
+from armdyn.codegen.deadline import NoTimeError
 from armdyn.errors import ProblemError
-from armdyn.optimal.answer.assembly import assembled, failed, kinematic, without_motion
+from armdyn.optimal.answer.assembly import assembled, ended_by_time, failed, kinematic, without_motion
 from armdyn.optimal.answer.goals import fastest_goal
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.bound.lower_bound import least_duration
@@ -68,8 +69,9 @@ def solve_minimum_time(
     """
     expect_problem(problem)
     options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
-    posed = problem.without_torques() if problem.kinematic else problem
-    solution = solve_task(Task.of(posed, options, progress=listener(progress)))
+    started, posed = time.perf_counter(), problem.without_torques() if problem.kinematic else problem
+    task = Task.of(posed, options, progress=listener(progress))
+    solution = solve_task(task, options.time_limit - (time.perf_counter() - started))
     return kinematic(problem, solution) if problem.kinematic else solution
 
 
@@ -90,7 +92,11 @@ def solve_task(task: Task, seconds: float | None = None) -> Solution:
             stopping(limit - min(numbers.check_part * limit, numbers.check_time), task.stop) as stop,
             _bounded(replace(task, stop=stop)) as task,
         ):
-            optima, found = refined(task)
+            try:
+                optima, found = refined(task)
+            except NoTimeError as error:
+                why = f"{ended_by_time(task.options.time_limit)} before it began: {error}"
+                return without_motion(problem, stop.status, stop.word if stop.interrupted else why)
             bound = task.lower_bound()
         elapsed = time.perf_counter() - started
         return assembled(task, optima, found, elapsed, bound) if optima else failed(task, found, elapsed)
@@ -150,7 +156,7 @@ def _bounded(task: Task) -> Iterator[Task]:
         yield task
         return
     job = partial(least_duration, task.problem, task.stop.__bool__, task.policy.bound)
-    with concurrently(job, task.workers) as bound:
+    with concurrently(job, task.workers, task.stop.__bool__, None) as bound:
         yield replace(task, lower_bound=bound)
 
 

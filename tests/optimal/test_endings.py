@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -9,13 +10,16 @@ import pinocchio as pin
 import pytest
 
 import armdyn as ad
+from armdyn.codegen.deadline import NoTimeError, until
 from armdyn.optimal.answer.assembly import assembled
 from armdyn.optimal.answer.solution import minimum_time_summary
 from armdyn.optimal.answer.table import solution_words, title_words
 from armdyn.optimal.arcs.phases import Unresolved
+from armdyn.optimal.flat.program import CurveLayout, build
 from armdyn.optimal.problem.status import Stop
 from armdyn.optimal.refine.smooth import time_energy
 from armdyn.optimal.task.task import Task
+from oracles import joint, link, urdf
 from problems import paper_problem, solved
 
 
@@ -45,6 +49,24 @@ def test_nothing_is_built_when_the_time_is_up(more, monkeypatch):
     solution = ad.solve_minimum_time(paper_problem("rrr", **more), ad.MinimumTimeOptions(time_limit=1e-9))
     assert solution.status is ad.Status.TIME_LIMIT and not solution.moves
     assert solution.message == "no motion was found: the time limit of 1e-09 s ended the search"
+
+
+@pytest.mark.slow
+def test_equations_that_take_longer_than_is_left_are_not_begun(read):
+    """80 joints took 41 CPU s of a limit of 3 s: their equations alone 13 s."""
+    text = urdf(link("l0"), *(link(f"l{i}") + joint(f"j{i}", f"l{i - 1}", f"l{i}") for i in range(1, 61)))
+    robot = read(text, effort_limit=1e4, velocity_limit=3.0)
+    began, still = time.process_time(), np.zeros(robot.nv)
+    problem = ad.MinimumTimeProblem(robot, q_start=still, q_goal=still + 0.1)
+    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(time_limit=0.1, bound=False))
+    assert solution.status is ad.Status.TIME_LIMIT and not solution.moves
+    assert "the time limit of 0.1 s ended the search" in solution.message
+    assert time.process_time() - began < 10.0  # the dynamics take 2, the equations would 6 more, the solver 20
+    with (
+        until(time.perf_counter() + 3.0),
+        pytest.raises(NoTimeError, match=r"equations of 60 joints takes some 5\.4 s"),
+    ):
+        build(Task.of(problem).dynamics, CurveLayout(60, (8,)), (), False)
 
 
 def timed_out(problem, when, monkeypatch, **options):

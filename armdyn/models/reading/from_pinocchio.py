@@ -303,12 +303,16 @@ def _tip(model: pin.Model, locked: Mapping[str, float], arm: tuple[str, str] | N
     fingers = {i for i in still if sum(parents[j] == parents[i] for j in still) > 1}
     ends = [i for i in ends if not fingers & set(model.supports[i])] or ends
 
-    def rank(frame: pin.Frame) -> tuple[int, int]:
-        return len(list(_frames_to_base(model, frame))), -len(still & set(model.supports[frame.parentJoint]))
+    steps: list[int] = []  # from the base to each frame, whose parents come before it
+    for frame in model.frames:
+        steps.append(1 + steps[frame.parentFrame] if frame.parentFrame < len(steps) else 0)
+
+    def rank(k: int) -> tuple[int, int]:
+        return steps[k], -len(still & set(model.supports[model.frames[k].parentJoint]))
 
     for kind in (pin.FrameType.BODY, pin.FrameType.OP_FRAME, pin.FrameType.JOINT):
-        if there := [frame for frame in model.frames if frame.type == kind and frame.parentJoint in ends]:
-            return str(max(there, key=rank).name), 0
+        if there := [k for k, frame in enumerate(model.frames) if frame.type == kind and frame.parentJoint in ends]:
+            return str(model.frames[max(there, key=rank)].name), 0
     return "", max(set(model.supports[ends[0]]) - still)
 
 

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from armdyn.arrays import Array, Index
+from armdyn.codegen.deadline import expect_time
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.optimal.flat.basis import DEGREE, WINDOW, Basis
@@ -153,6 +154,10 @@ class CurveLayout:
         return sum(each) - self.joints * sum(one < leg for one in self.joined)
 
 
+_BUILT = 2.5e-5
+"""Approximate time in which the equations of a curve are built, over the cube of the number of joints [s]."""
+
+
 @built_once(maxsize=32)
 def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[StageRows, ...], compile_mode: bool | None) -> Program:
     """The program of curves: torques and rates leg by leg, continuity between legs, then path constraints.
@@ -162,7 +167,11 @@ def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[StageRows, ...], c
         shape: layout of the curves.
         rows: rows of path constraints, over the intervals of all legs.
         compile_mode: mode for `compiled`.
+
+    Raises:
+        NoTimeError: it would take longer than `deadline.until` allows.
     """
+    expect_time(_BUILT * shape.joints**3, f"building the equations of {shape.joints} joints")
     n, blocks, shared = shape.joints, list[Block](), Shared.size(shape.joints)
     first = shared
 

@@ -119,7 +119,9 @@ class MinimumTimeOptions(Checked):
             each on one core; more may prove a smaller gap. None: the number in `BoundPolicy`.
         time_limit: wall time of the whole solve [s]. The search is limited by counts of work, the same on every
             machine; the clock only ends it, and then `status` is "time_limit" unless the motion is certified. Checking
-            the motion takes up to 1 s and a tenth of the limit more.
+            the motion takes up to 1 s and a tenth of the limit more. Of arms of more than twenty joints one step of a
+            solver, which nothing interrupts, may take seconds beyond it; equations whose building would take longer
+            than is left are not begun. Reading the robot is not part of it.
         workers: processes of search and refinement; None: one per core. The answer does not depend on them. Threads may
             solve concurrently: IPOPT is locked, and each thread gets the answer that it would get alone.
         verbose: print the solvers' iterations.
