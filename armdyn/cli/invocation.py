@@ -111,6 +111,8 @@ def in_options(text: str) -> str:
 
     for phrase, option in _PHRASES.items():
         text = text.replace(phrase, option)
+    text = re.sub(r"\block=\{'([^']+)': '?([^'}]+)'?\}", r"--lock \1=\2", text)
+    text = re.sub(r"\barm=\('([^']+)', '([^']+)'\)", r"--arm \1,\2", text)
     return re.sub(r"`([a-z_]+)`", quoted, re.sub(r"^([a-z_]+)(?=\[|:| is | of | has )", first, text))
 
 

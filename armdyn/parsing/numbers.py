@@ -2,6 +2,7 @@
 
 import math
 import re
+from typing import Literal
 
 from armdyn.errors import ProblemError
 
@@ -20,6 +21,10 @@ def to_number(text: str) -> float:
     if "_" in text or not text.isascii():
         raise ValueError(text)
     return float(text)
+
+
+FREE: Literal["free"] = "free"
+"""Stands for the position of a gripper's joint that is not locked."""
 
 
 def number(text: str, what: str) -> float:

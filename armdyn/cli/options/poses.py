@@ -11,7 +11,7 @@ from armdyn import models
 from armdyn.cli.invocation import flag_of, option_value
 from armdyn.cli.options.groups import TASK, Numbers, flag, group, option
 from armdyn.errors import ProblemError
-from armdyn.parsing.numbers import has_unit, numbers
+from armdyn.parsing.numbers import FREE, has_unit, numbers
 from armdyn.parsing.numbers import position as typed_position
 
 if TYPE_CHECKING:
@@ -52,7 +52,8 @@ def check_units_of_sliding_locks(texts: Sequence[str], robot: ad.Robot) -> None:
     Raises:
         ProblemError: there is such a joint; or the robot is not from a URDF, so that its joints' kinds are unknown.
     """
-    bare = [joint for joint, _, value in (text.partition("=") for text in texts) if not has_unit(value)]
+    pairs = [text.partition("=") for text in texts]
+    bare = [joint for joint, _, value in pairs if not has_unit(value) and value.strip() != FREE]
     if not (bare and degrees_are_on()):
         return
     if not robot.urdf:

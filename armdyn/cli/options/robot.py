@@ -12,6 +12,7 @@ from armdyn.cli.options.groups import ROBOT, Numbers, argument, group, option
 from armdyn.cli.options.path_constraints import obstacles_of
 from armdyn.cli.options.poses import check_units_of_sliding_locks, position
 from armdyn.errors import ProblemError, SpecError
+from armdyn.parsing.numbers import FREE
 
 TAKE_FILES = "mintime, bound, sweep, track, monte-carlo, tune and pid"
 """Commands that take a problem file for a robot."""
@@ -72,7 +73,7 @@ class PartOptions:
     lock: list[str] | None = option(
         "JOINT=Q",
         "Fix a joint at a position \\[rad or m], such as 1.2, 90deg, 0.1m; may be given again. Named poses are then "
-        "those of the other joints.",
+        "those of the other joints. A gripper's joints are fixed by default; JOINT=free moves one.",
     )
     part: Annotated[tuple[str, str] | None, ends_of] = option(
         "FIRST,LAST",
@@ -106,7 +107,7 @@ class PartOptions:
             raise SpecError(f"{name} is a problem file, which {TAKE_FILES} take; here a robot is needed")
         tool, folders = self._tool() or tool, tuple(self.package_dir or ())
         options = ad.RobotOptions(payload=payload, tool=tool, lock=self.locks(), arm=self.part, package_dirs=folders)
-        robot = ad.Robot.from_source(RobotSource.named(name), options)
+        robot = ad.Robot.from_source(RobotSource.named(name), options).noted()
         check_units_of_sliding_locks(self.lock or (), robot)
         return robot
 
@@ -121,10 +122,13 @@ class PartOptions:
         robot = robot_from(read_toml(name).table("robot"))
         return robot if payload is None else robot.with_payload(payload)
 
-    def locks(self) -> dict[str, float] | None:
-        """Joints to fix, and where [rad or m]."""
+    def locks(self) -> dict[str, float | Literal["free"]] | None:
+        """Joints to fix, and where [rad or m]; "free": a gripper's joint that moves."""
         pairs = [text.partition("=") for text in self.lock or ()]
-        return {joint: position(value, f"--lock {joint}", None) for joint, _, value in pairs} or None
+        return {
+            joint: FREE if value.strip() == FREE else position(value, f"--lock {joint}", None)
+            for joint, _, value in pairs
+        } or None
 
     def _tool(self) -> ad.Tool | None:
         """The tool that the file describes; None: no file was named."""

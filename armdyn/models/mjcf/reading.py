@@ -118,7 +118,7 @@ class _Includes:
         return included
 
 
-def read_mjcf_arm(root: Element, source: str, lock: Mapping[str, float], arm: tuple[str, str] | None) -> Reading:
+def read_mjcf_arm(root: Element, source: str, lock: Mapping[str, float | str], arm: tuple[str, str] | None) -> Reading:
     """Pinocchio's model of the arm that an MJCF describes; torque limits are the actuators', velocity limits infinite.
 
     Args:
@@ -139,7 +139,7 @@ def read_mjcf_arm(root: Element, source: str, lock: Mapping[str, float], arm: tu
     rename(model, _original_names(bare.new_names))
     model.gravity.linear = gravity(root, source)
     limits = effort_limits(root, classes, bare.joints, compiler.automatic)
-    reading = read_model(model, source, {joint: at for joint, at in lock.items() if joint not in bare.free}, arm)
+    reading = read_model(model, source, {joint: at for joint, at in lock.items() if joint not in bare.free}, arm, {})
     moving = list(reading.model.names)[1:]
     check_moving(bare.joints, moving, root, source)
     _refuse_loops(reading.model, root, source)

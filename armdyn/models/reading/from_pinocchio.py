@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,10 +11,12 @@ import pinocchio as pin
 from armdyn.arguments import shown
 from armdyn.arrays import Array
 from armdyn.errors import SpecError, UnsupportedJointError, UrdfError, did_you_mean
+from armdyn.models.reading.ends import gripper_joints, joint_numbers, tip_of
 from armdyn.models.reading.urdf_check import inertia_fault
 from armdyn.models.reading.urdf_xml import LARGEST, clipped
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.urdf import TIP
+from armdyn.parsing.numbers import FREE
 
 _KNOWN = re.compile(r"JointModel(R[XYZ]|RUB[XYZ]|Revolute(Unbounded)?Unaligned|P[XYZ]|PrismaticUnaligned)")
 """Pinocchio's names of joints that turn or slide along one axis."""
@@ -45,6 +47,7 @@ class Reading:
         tip: the frame at the end of the arm.
         limits: of the moving joints.
         urdf: its text; empty: it was no URDF.
+        gripper: joints of a gripper that are locked by default.
         repaired: links whose inertia `armdyn doctor --repair` changed, as the file says.
         package_dirs: folders in which `package://` is looked up.
     """
@@ -55,11 +58,18 @@ class Reading:
     tip: str
     limits: JointLimits
     urdf: str = ""
+    gripper: tuple[str, ...] = ()
     repaired: str = ""
     package_dirs: tuple[str, ...] = ()
 
 
-def read_model(model: pin.Model, source: str, lock: Mapping[str, float], arm: tuple[str, str] | None) -> Reading:
+def read_model(
+    model: pin.Model,
+    source: str,
+    lock: Mapping[str, float | str],
+    arm: tuple[str, str] | None,
+    mimics: Mapping[str, Mimic] | None = None,
+) -> Reading:
     """The arm inside a model; the model itself stays unchanged.
 
     Args:
@@ -67,19 +77,36 @@ def read_model(model: pin.Model, source: str, lock: Mapping[str, float], arm: tu
         source: name of the file or text, in messages.
         lock: joints to fix, name to position [rad or m]; a joint of several coordinates at 0, its neutral.
         arm: first and last joint or frame; see `Robot.from_urdf`.
+        mimics: see `locked_joints`.
 
     Raises:
         UnsupportedJointError: a joint that moves neither turns nor slides along one axis.
         UrdfError: the model has numbers that no arm has, or nothing moves.
         SpecError: a lock or the arm does not fit it.
     """
-    return arm_of(model, source, locked_joints(model, source, lock, arm), arm)
+    reading = arm_of(model, source, locked_joints(model, source, lock, arm, mimics), arm)
+    return replace(reading, gripper=default_locks(model, lock, arm, mimics))
+
+
+def default_locks(
+    model: pin.Model,
+    lock: Mapping[str, float | str],
+    arm: tuple[str, str] | None,
+    mimics: Mapping[str, Mimic] | None,
+) -> tuple[str, ...]:
+    """Joints of a gripper that are locked by default, without those that follow them; arguments of `locked_joints`."""
+    if arm is not None or mimics is None:
+        return ()
+    given = {*lock, *(mimic.leader for name, mimic in mimics.items() if name in lock)}  # or its follower was locked
+    held = {name for name, value in lock.items() if value != FREE}
+    found = gripper_joints(model, {name: mimic.leader for name, mimic in mimics.items()}, held)
+    return tuple(name for name in found if name not in given)
 
 
 def locked_joints(
     model: pin.Model,
     source: str,
-    lock: Mapping[str, float],
+    lock: Mapping[str, float | str],
     arm: tuple[str, str] | None,
     mimics: Mapping[str, Mimic] | None = None,
 ) -> dict[str, float]:
@@ -90,30 +117,37 @@ def locked_joints(
         source: name of the file or text, in messages.
         lock: see `read_model`.
         arm: see `read_model`.
-        mimics: joints that follow others, which may be fixed ones; they do not move.
+        mimics: joints that follow others, which may be fixed ones; they do not move. None: grippers are not locked by
+            default.
 
     Raises:
         SpecError: `lock` names no moving joint or no finite position, or `arm` does not fit.
         UnsupportedJointError: a joint mimics one that moves.
         UrdfError: a joint mimics itself, or would be locked beyond `LARGEST`.
     """
-    joints, mimics = _joints(model), mimics or {}
+    joints = joint_numbers(model)
+    opened = {name for name, value in lock.items() if isinstance(value, str) and value == FREE}
     for name, value in lock.items():
         if name not in joints:
             hint, names = did_you_mean(str(name), joints), ", ".join(map(clipped, list(joints)[:20]))
             raise SpecError(f"cannot lock {clipped(name)!r}: {source} has joints {names}{hint}")
         several = model.joints[joints[name]].nv != 1
-        if not _in_bounds(value) or (several and value):
+        if name not in opened and (not _in_bounds(value) or (several and value)):
             right = f"one number [rad or m]{'; 0 for a joint of several coordinates' if several else ''}"
             raise SpecError(f"cannot lock {name!r} at {shown(value)}: it must be {right}")
-    free = set(joints if arm is None else _chain(model, *arm, source)) - set(lock)
+    held = {name: float(value) for name, value in lock.items() if name not in opened}
+    free = {*(joints if arm is None else _chain(model, *arm, source)), *opened} - {
+        *held,
+        *default_locks(model, lock, arm, mimics),
+    }
+    mimics = mimics or {}
 
     def position(name: str, followers: tuple[str, ...] = ()) -> float | None:
         """Position of a joint; None: it moves."""
-        if name in lock:
-            return float(lock[name])
+        if name in held:
+            return held[name]
         if name not in mimics:
-            return None if name in free else _rest(model, joints.get(name, 0))
+            return None if name in free else rest_of(model, joints.get(name, 0))
         if name in followers:
             raise UrdfError(source, "mimics itself in the end", f"joint {clipped(name)!r}")
         leader, multiplier, offset = mimics[name]
@@ -127,8 +161,9 @@ def locked_joints(
         at = position(name)
         if at is None:
             what = (
-                f"mimics {clipped(mimics[name].leader)!r}, which moves; coupled joints are not supported: lock that "
-                "one, and this follows, or only this one; `armdyn doctor FILE --repair` shows where"
+                f"mimics {clipped(mimics[name].leader)!r}, which moves; coupled joints are not supported "
+                "(docs/models.md says why): lock that one, and this follows, or only this one; "
+                "`armdyn doctor FILE --repair` shows where"
             )
             raise UnsupportedJointError(source, what, f"joint {clipped(name)!r}")
         if not abs(at) <= LARGEST:
@@ -144,7 +179,7 @@ def arm_of(model: pin.Model, source: str, locked: Mapping[str, float], arm: tupl
         UnsupportedJointError: a joint that moves neither turns nor slides along one axis.
         UrdfError: the model has numbers that no arm has, or nothing moves.
     """
-    for name, joint in _joints(model).items():
+    for name, joint in joint_numbers(model).items():
         kind = model.joints[joint].shortname()
         if name not in locked and not _KNOWN.fullmatch(kind):
             what = f"is a {kind}; armdyn supports joints that turn or slide along one axis: lock it, or choose an arm"
@@ -153,10 +188,15 @@ def arm_of(model: pin.Model, source: str, locked: Mapping[str, float], arm: tupl
     if reduced.nv == 0:
         raise UrdfError(source, "has no moving joint")
     _check(reduced, source)
-    tip, last = _tip(model, locked, arm)
+    named = None if arm is None else _frame(model, arm[1])
+    if arm is not None and named is not None and named.type != pin.FrameType.FIXED_JOINT:
+        tip, last = arm[1], 0
+    else:
+        end = None if arm is None else arm[1] if named is None else str(model.names[named.parentJoint])
+        tip, last = tip_of(model, set(locked), end)
     if not tip:
         tip = TIP
-        while _frame(model, tip) is not None or tip in _joints(model):
+        while _frame(model, tip) is not None or tip in joint_numbers(model):
             tip += "'"
         last = reduced.getJointId(str(model.names[last]))
         reduced.addFrame(pin.Frame(tip, last, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
@@ -169,17 +209,12 @@ def _in_bounds(position: Any) -> bool:
     return known and bool(abs(position) <= LARGEST)
 
 
-def _joints(model: pin.Model) -> dict[str, int]:
-    """The names of a model's joints to their indices."""
-    return {str(name): i for i, name in enumerate(model.names) if i}
-
-
 def _frame(model: pin.Model, name: str) -> pin.Frame | None:
     """A frame that is no joint, by name."""
     return next((frame for frame in model.frames if frame.name == name and frame.type in _SHARED), None)
 
 
-def _rest(model: pin.Model, joint: int) -> float:
+def rest_of(model: pin.Model, joint: int) -> float:
     """Zero, or the bound nearest to it [rad or m]; of a fixed joint, number 0, zero."""
     if model.joints[joint].nq != 1:
         return 0.0
@@ -189,7 +224,7 @@ def _rest(model: pin.Model, joint: int) -> float:
 
 def _chain(model: pin.Model, first: str, last: str, source: str) -> list[str]:
     """The joints on the way from `first` to `last`; the frame is meant where a joint has its name."""
-    joints = _joints(model)
+    joints = joint_numbers(model)
     ends = []
     for name in (first, last):
         frame = _frame(model, name)
@@ -214,7 +249,7 @@ def _reduced(model: pin.Model, locked: Mapping[str, float], source: str) -> pin.
     """The model without its locked joints; it is changed on the way."""
     if not locked:
         return model
-    joints = _joints(model)
+    joints = joint_numbers(model)
     at = pin.neutral(model)
     for name, position in locked.items():
         joint = model.joints[joints[name]]
@@ -243,14 +278,14 @@ def rename(model: pin.Model, names: Mapping[str, str]) -> None:
 
 def _rename_uniquely(model: pin.Model) -> dict[str, str]:
     """Rename joints and frames so that no name occurs twice; return the map from new to original names."""
-    own = {f"joint {i}": name for name, i in _joints(model).items()}
+    own = {f"joint {i}": name for name, i in joint_numbers(model).items()}
     for i, frame in enumerate(model.frames):
         name = f"joint {frame.parentJoint}"
         if frame.type != pin.FrameType.JOINT or own.get(name) != frame.name:
             name = f"frame {i}"
         if i:  # the first is the universe
             own[name], frame.name = str(frame.name), name
-    for i in _joints(model).values():
+    for i in joint_numbers(model).values():
         model.names[i] = f"joint {i}"
     return own
 
@@ -259,7 +294,7 @@ def _check(model: pin.Model, source: str) -> None:
     """Refuse numbers that no arm has."""
     if not np.all(np.abs(model.gravity.vector) <= LARGEST):
         raise UrdfError(source, f"gravity is {model.gravity.linear} m/s²")
-    for name, i in _joints(model).items():
+    for name, i in joint_numbers(model).items():
         where, inertia = f"joint {clipped(name)!r}", model.inertias[i]
         numbers = np.concatenate([inertia.toDynamicParameters(), model.jointPlacements[i].homogeneous.ravel()])
         if not np.all(np.abs(numbers) <= LARGEST):
@@ -274,46 +309,6 @@ def _check(model: pin.Model, source: str) -> None:
         lower, upper = model.lowerPositionLimit[j], model.upperPositionLimit[j]
         if model.joints[i].nq == 1 and not lower <= upper:
             raise UrdfError(source, f"lower limit {lower} is above upper limit {upper}", where)
-
-
-def _tip(model: pin.Model, locked: Mapping[str, float], arm: tuple[str, str] | None) -> tuple[str, int]:
-    """The frame at the end of the arm; where the last joint has none, an empty name and the joint for a new one.
-
-    It is the body furthest from the base, in moving joints and then in all; among equals the one behind the fewest
-    locked joints: a hand rather than its fingers. Joints that are locked side by side end the way: of a gripper that
-    is its palm, or a tool frame between the fingers. Behind a last joint that is given there is no locked one.
-
-    Args:
-        model: of all joints.
-        locked: those that do not move.
-        arm: first and last joint or frame.
-    """
-    named = None if arm is None else _frame(model, arm[1])
-    if arm is not None and named is not None and named.type != pin.FrameType.FIXED_JOINT:
-        return arm[1], 0
-    if arm is None and _frame(model, TIP) is not None:
-        return TIP, 0
-    still = {i for name, i in _joints(model).items() if name in locked}
-    moving = [len(set(support) - still) for support in model.supports]
-    ends = [i for i, count in enumerate(moving) if count == max(moving)]
-    if arm is not None:
-        ends = [_joints(model)[arm[1]] if named is None else int(named.parentJoint)]
-
-    parents = list(model.parents)
-    fingers = {i for i in still if sum(parents[j] == parents[i] for j in still) > 1}
-    ends = [i for i in ends if not fingers & set(model.supports[i])] or ends
-
-    steps: list[int] = []  # from the base to each frame, whose parents come before it
-    for frame in model.frames:
-        steps.append(1 + steps[frame.parentFrame] if frame.parentFrame < len(steps) else 0)
-
-    def rank(k: int) -> tuple[int, int]:
-        return steps[k], -len(still & set(model.supports[model.frames[k].parentJoint]))
-
-    for kind in (pin.FrameType.BODY, pin.FrameType.OP_FRAME, pin.FrameType.JOINT):
-        if there := [k for k, frame in enumerate(model.frames) if frame.type == kind and frame.parentJoint in ends]:
-            return str(model.frames[max(there, key=rank)].name), 0
-    return "", max(set(model.supports[ends[0]]) - still)
 
 
 def _frames_to_base(model: pin.Model, frame: pin.Frame) -> Iterator[pin.Frame]:

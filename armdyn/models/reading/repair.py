@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,17 +14,15 @@ import pinocchio as pin
 
 from armdyn.arguments import each, number, one_of, path_of
 from armdyn.errors import ArmdynError, SpecError
-from armdyn.models.reading.from_pinocchio import Reading
+from armdyn.models.reading.ends import chains, gripper_joints, joint_numbers
+from armdyn.models.reading.from_pinocchio import Reading, rest_of
 from armdyn.models.reading.holding import hardest_poses
 from armdyn.models.reading.meshes import mesh_folders, resolve_mesh
 from armdyn.models.reading.nearest_inertia import LARGE, InertiaRepair, Large, repaired_inertias, with_inertias
 from armdyn.models.reading.shape_inertia import InertiaEstimate, estimated_inertias
-from armdyn.models.reading.urdf_arm import massless_links, read_arm
-from armdyn.models.reading.urdf_check import MOVING, parse_urdf
+from armdyn.models.reading.urdf_arm import massless_links, read_arm, whole_robot
+from armdyn.models.reading.urdf_check import parse_urdf
 from armdyn.models.reading.urdf_xml import file_path, read_urdf
-
-_GRIPPING = re.compile(r"finger|gripper|jaw|knuckle|thumb", re.IGNORECASE)
-"""Parts of names of gripper joints."""
 
 _FOLDERS_ABOVE = 6
 """Folders above the file that may hold a package: a workspace is three or four above."""
@@ -101,8 +98,12 @@ def repair_urdf(
     inertias = repaired_inertias(root, source)
     chosen = {one.link: one.chosen(large) for one in inertias}
     packages = _packages(root, file, each(package_dirs, "package_dirs", path_of, error=SpecError))
-    lock = _gripping(root)
-    chain = _longest_chain(root, lock)
+    _, mimics, model = whole_robot(text, source)
+    leaders = {name: mimic.leader for name, mimic in mimics.items()}
+    gripper = {*gripper_joints(model, leaders), *leaders.values()} - leaders.keys()
+    lock = {name: rest_of(model, i) for name, i in joint_numbers(model).items() if name in gripper}
+    several = chains(model, {*lock, *mimics})
+    chain = (several[0][0], several[0][-1]) if len(several) > 1 else None
     found: dict[str, Any] = {"without_effort": {}}
     try:
         text = with_inertias(text, {link: tensor for link, tensor in chosen.items() if tensor is not None})
@@ -148,51 +149,6 @@ def _unlimited(reading: Reading) -> dict[str, Any]:
         },
         "without_velocity": tuple(name for name, most in zip(names, limits.velocity, strict=True) if np.isinf(most)),
     }
-
-
-def _moving(root: Element) -> dict[str, Element]:
-    return {str(joint.get("name")): joint for joint in root.findall("joint") if joint.get("type") in MOVING}
-
-
-def _link(joint: Element, tag: str) -> str:
-    return str(joint.find(tag).get("link"))  # type: ignore[union-attr]  # `parse_urdf` has looked
-
-
-def _gripping(root: Element) -> dict[str, float]:
-    """Joints of a gripper, or that others mimic, to lock at zero, or at the bound nearest to it [rad or m].
-
-    They have such a name, lead a joint that mimics them, or share a link with another finger, with no joint behind.
-    """
-    joints = _moving(root)
-    mimics = {
-        name: str(mimic.get("joint")) for name, joint in joints.items() if (mimic := joint.find("mimic")) is not None
-    }
-    bases = {_link(joint, "parent") for joint in joints.values()}
-    ends = {name: _link(joint, "parent") for name, joint in joints.items() if _link(joint, "child") not in bases}
-    paired = {name for name, base in ends.items() if sum(other == base for other in ends.values()) > 1}
-    found = {}
-    for name, joint in joints.items():
-        if name in mimics or not (_GRIPPING.search(name) or name in mimics.values() or name in paired):
-            continue
-        limit = joint.find("limit")
-        lower, upper = (0.0, 0.0) if limit is None else (float(limit.get(key, "0")) for key in ("lower", "upper"))
-        found[name] = float(np.clip(0.0, lower, upper)) if upper > lower else 0.0
-    return found if len(found) < len(joints) - len(mimics) else {}
-
-
-def _longest_chain(root: Element, lock: Mapping[str, float]) -> tuple[str, str] | None:
-    """First and last joint of the longest chain of those that move; None where all are on one chain."""
-    above = {_link(joint, "child"): joint for joint in root.findall("joint")}
-    free = {name for name, joint in _moving(root).items() if name not in lock and joint.find("mimic") is None}
-    chains = []
-    for link in above:
-        chain, seen = [], link
-        while seen in above:
-            chain.append(str(above[seen].get("name")))
-            seen = _link(above[seen], "parent")
-        chains.append([name for name in reversed(chain) if name in free])
-    longest = max(chains, key=len, default=[])
-    return (longest[0], longest[-1]) if 0 < len(longest) < len(free) else None
 
 
 def _packages(root: Element, urdf: Path, given: Sequence[str | os.PathLike[str]]) -> dict[str, str | None]:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from armdyn.arrays import Array
 from armdyn.errors import UrdfError
-from armdyn.models.reading.from_pinocchio import Mimic, Reading, arm_of, locked_joints
+from armdyn.models.reading.from_pinocchio import Mimic, Reading, arm_of, default_locks, locked_joints
 from armdyn.models.reading.nearest_inertia import MARK
 from armdyn.models.reading.urdf_check import MOVING, check_inertias, dynamics_urdf, parse_urdf
 from armdyn.models.reading.urdf_xml import clipped, finite_numbers
@@ -27,7 +27,7 @@ UNKNOWN_TORQUES = (
 """Remedies of missing inertias, in messages."""
 
 
-def read_arm(text: str, source: str, lock: Mapping[str, float], arm: tuple[str, str] | None) -> Reading:
+def read_arm(text: str, source: str, lock: Mapping[str, float | str], arm: tuple[str, str] | None) -> Reading:
     """Pinocchio's model of the arm that a URDF describes.
 
     Args:
@@ -41,17 +41,19 @@ def read_arm(text: str, source: str, lock: Mapping[str, float], arm: tuple[str, 
         UnsupportedJointError: a joint that moves is of no known kind, or mimics another that moves.
         SpecError: a lock or the arm does not fit it.
     """
-    root, mimics, model = _whole(text, source)
+    root, mimics, model = whole_robot(text, source)
     locked = locked_joints(model, source, lock, arm, mimics)
     free = {i for i, name in enumerate(model.names) if i and name not in locked}
     moving = {str(frame.name) for frame in model.frames if free & set(model.supports[frame.parentJoint])}
     check_inertias(root, source, moving)
     marks = [mark.get("repaired", "") for mark in root.findall(MARK)]
-    return replace(arm_of(model, source, locked, arm), urdf=text, repaired=", ".join(filter(None, marks)))
+    reading = arm_of(model, source, locked, arm)
+    gripper = default_locks(model, lock, arm, mimics)
+    return replace(reading, urdf=text, gripper=gripper, repaired=", ".join(filter(None, marks)))
 
 
 @lru_cache(maxsize=16)
-def _whole(text: str, source: str) -> tuple[Element, dict[str, Mimic], pin.Model]:
+def whole_robot(text: str, source: str) -> tuple[Element, dict[str, Mimic], pin.Model]:
     """The URDF, the joints that follow others, and Pinocchio's model of the whole robot; all read-only.
 
     A robot is read again for every payload.

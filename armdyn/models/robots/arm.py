@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Self
@@ -13,8 +14,9 @@ from numpy.typing import ArrayLike
 
 from armdyn.arguments import Checked, checked, expect, numbers, several, shown, text
 from armdyn.arrays import Array, Flags
-from armdyn.errors import SpecError, UrdfError, did_you_mean
+from armdyn.errors import ArmdynWarning, SpecError, UrdfError, did_you_mean
 from armdyn.locks import cached_property
+from armdyn.models.reading.ends import chains
 from armdyn.models.reading.urdf_arm import check_inertia, configuration
 from armdyn.models.reading.urdf_xml import LARGEST
 from armdyn.models.robots.poses import named_poses, names_of
@@ -56,6 +58,7 @@ class Arm(Checked):
         source: its file, or its origin in words.
         package_dirs: folders in which `package://` is looked up.
         locked: joint name to the position it is locked at [rad or m].
+        gripper: joints of a gripper that are locked because nobody said otherwise.
         repaired: links whose inertia `armdyn doctor --repair` changed, with commas between; the robot's name, and so
             every result, says "repaired model".
         payload: the added one; None: none was.
@@ -73,6 +76,7 @@ class Arm(Checked):
     source: str
     package_dirs: tuple[str, ...] = checked(several, (), error=SpecError)
     locked: Mapping[str, float] = field(default_factory=dict)
+    gripper: tuple[str, ...] = checked(several, (), error=SpecError, in_repr=False)
     repaired: str = ""
     payload: Payload | None = checked(expect, None, kind=Payload, hint="Payload(mass=…)", error=SpecError)
     tip: str = checked(text, TIP, error=SpecError)
@@ -146,6 +150,27 @@ class Arm(Checked):
     def passive(self) -> tuple[str, ...]:
         """The joints without a motor, whose torque limits are zero."""
         return tuple(name for name, idle in zip(self.joint_names, self.limits.passive, strict=True) if idle)
+
+    @property
+    def notes(self) -> list[str]:
+        """Choices among its joints that nobody made: a gripper that is locked, and the arms to choose from."""
+        if self.origin is None or self.origin.format == "model":
+            return []
+        notes = []
+        if self.gripper:
+            held = ", ".join(f"{name} at {self.locked[name]:g}" for name in self.gripper)
+            moving = f"lock={{'{self.gripper[0]}': 'free'}}"
+            notes.append(f"joints of a gripper are locked: {held}; to move one: {moving}")
+        arms = [f"arm=('{one[0]}', '{one[-1]}')" for one in chains(self.model) if len(one) > 1]
+        if len(arms) > 1:
+            notes.append(f"joints of several arms move together; one alone: {' or '.join(arms[:4])}")
+        return notes
+
+    def noted(self) -> Self:
+        """This robot, after a warning with each of its `notes`."""
+        for note in self.notes:
+            warnings.warn(f"{self.source}: {note}", ArmdynWarning, stacklevel=3)
+        return self
 
     @property
     def model_hash(self) -> str:

@@ -85,7 +85,11 @@ def pose_given(robot: Arm, given: Any, what: str) -> Array:
         ProblemError: wrong length or not finite, or the robot has no pose of that name.
     """
     if not isinstance(given, str):
-        return per_joint(given, robot.joint_names, what, unit="rad or m", error=ProblemError, scalar=False)
+        try:
+            return per_joint(given, robot.joint_names, what, unit="rad or m", error=ProblemError, scalar=False)
+        except ProblemError as error:  # a wrong number of joints may be that of one arm of two
+            notes = robot.notes if "has shape" in str(error) else ()
+            raise ProblemError("; ".join([str(error), *notes])) from None
     poses = named_poses(robot)
     if given not in poses:
         expected = f"a number per joint [rad or m], or a pose of {robot.name} ({names_of(poses)})"

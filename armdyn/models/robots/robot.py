@@ -125,7 +125,8 @@ class Robot(Arm):
             UnsupportedJointError: a moving joint is none of revolute, continuous and prismatic, or mimics another that
                 moves.
         """
-        return cls.from_source(RobotSource(format="urdf", name=str(file_path(path))), robot_options(payload, keywords))
+        source = RobotSource(format="urdf", name=str(file_path(path)))
+        return cls.from_source(source, robot_options(payload, keywords)).noted()
 
     @classmethod
     def from_urdf_string(
@@ -144,7 +145,8 @@ class Robot(Arm):
             UnsupportedJointError: see `from_urdf`.
         """
         check_text(text, source, "URDF")
-        return cls.from_source(RobotSource(format="urdf", name=source, text=text), robot_options(payload, keywords))
+        own = RobotSource(format="urdf", name=source, text=text)
+        return cls.from_source(own, robot_options(payload, keywords)).noted()
 
     @classmethod
     def from_library(cls, name: str, payload: Payload | None = None, **keywords: Unpack[RobotKeywords]) -> Self:
@@ -181,7 +183,7 @@ class Robot(Arm):
             UnknownRobotError: robot_descriptions has no such robot, or is not installed.
             UrdfError: it cannot be had, or is no fixed-base arm.
         """
-        return cls.from_source(RobotSource.of_description(name), robot_options(payload, keywords))
+        return cls.from_source(RobotSource.of_description(name), robot_options(payload, keywords)).noted()
 
     @classmethod
     def from_mjcf(
@@ -203,7 +205,8 @@ class Robot(Arm):
             UnsupportedJointError: a moving joint is free, a ball, has a spring, or is coupled with another.
         """
         file = file_path(path, "MJCF", "Robot.from_mjcf_string")
-        return cls.from_source(RobotSource(format="mjcf", name=str(file)), robot_options(payload, keywords))
+        source = RobotSource(format="mjcf", name=str(file))
+        return cls.from_source(source, robot_options(payload, keywords)).noted()
 
     @classmethod
     def from_mjcf_string(
@@ -222,7 +225,8 @@ class Robot(Arm):
             UnsupportedJointError: see `from_mjcf`.
         """
         check_text(text, source, "MJCF")
-        return cls.from_source(RobotSource(format="mjcf", name=source, text=text), robot_options(payload, keywords))
+        own = RobotSource(format="mjcf", name=source, text=text)
+        return cls.from_source(own, robot_options(payload, keywords)).noted()
 
     @classmethod
     def from_model(

@@ -114,7 +114,7 @@ class RobotKeywords(TypedDict, total=False):
 
     options: RobotOptions | None
     tool: Tool | None
-    lock: Mapping[str, float] | None
+    lock: Mapping[str, float | Literal["free"]] | None
     arm: tuple[str, str] | None
     effort_limit: ArrayLike | None
     velocity_limit: ArrayLike | None
@@ -147,6 +147,8 @@ class RobotOptions(Checked):
             chain. Joints behind it that are locked side by side, as a gripper's fingers, are no part of that chain.
         tool: fixed to `tool.frame`, by default the arm's own tip; the tip is then the tool's.
         lock: joints to fix, name to position [rad or m]; in a model a joint of several coordinates at 0, its neutral.
+            A gripper's joints, in a URDF or MJCF of which no `arm` is chosen, are fixed at zero or at the bound nearest
+            to it: "free" as the position lets one move, see `Arm.notes`.
         arm: (first, last), each a joint or a link (in an MJCF a body or a site, in a model a frame): the joints on the
             way from one to the other move, all others of the robot are locked, at zero or at the bound nearest to it
             unless `lock` says where. A last link is the tip. None: all joints move but those of `lock`, and a `<mimic>`
@@ -177,7 +179,7 @@ class RobotOptions(Checked):
 
     payload: Payload | None = None
     tool: Tool | None = checked(expect, None, kind=Tool, hint="Tool(mass=…, tip=…)", error=SpecError)
-    lock: Mapping[str, float] | None = checked(
+    lock: Mapping[str, float | Literal["free"]] | None = checked(
         expect, None, kind=Mapping, hint="joint name to position [rad or m]", error=SpecError
     )
     arm: tuple[str, str] | None = checked(_ends_of_arm, None)

@@ -19,6 +19,7 @@ from armdyn.models.robots.source import RobotOptions, RobotSource
 from armdyn.models.scene.obstacles import PAYLOAD_KEYS, TOOL_KEYS, payload_entry, payload_from, tool_from
 from armdyn.models.values.actuator_limits import torque_speed_entry
 from armdyn.models.values.spec import PLANAR_ARMS, ArmSpec, LinkSpec
+from armdyn.parsing.numbers import FREE
 from armdyn.parsing.toml import Table
 
 _SOURCES = ("name", "urdf", "mjcf", "spec")
@@ -53,7 +54,9 @@ def robot_from(table: Table, mass: float | None = None) -> Robot:
             carried = {**carried, "mass": mass} if mass or "shapes" in carried else {}
         tool = tool_from(_inner(table, "tool", TOOL_KEYS), folder) if "tool" in given else None
         lock = (
-            {joint: position_of(q, "lock") for joint, q in _inner(table, "lock").items()} if "lock" in given else None
+            {joint: q if q == FREE else position_of(q, "lock") for joint, q in _inner(table, "lock").items()}
+            if "lock" in given
+            else None
         )
         ends = given.get("arm")
         if "arm" in given and not (isinstance(ends, list) and len(ends) == 2 and all(isinstance(e, str) for e in ends)):
@@ -85,7 +88,7 @@ def robot_table(robot: Robot, folder: str | os.PathLike[str] | None = None) -> d
         raise SpecError(f"{robot.source} has no file and no text: a problem file cannot describe it")
     written = _written_source(origin, folder)
     if options.lock:
-        written["lock"] = {joint: float(q) for joint, q in options.lock.items()}
+        written["lock"] = {joint: q if isinstance(q, str) else float(q) for joint, q in options.lock.items()}
     if options.arm is not None:
         written["arm"] = list(options.arm)
     if robot.payload is not None:
