@@ -15,15 +15,13 @@ from armdyn.cli.motion.check import check_shown
 from armdyn.cli.options.groups import Numbers, argument, flag, given, group, option
 from armdyn.cli.options.path_constraints import PresetOptions
 from armdyn.cli.options.robot import PartOptions
-from armdyn.errors import ArmdynWarning, ProblemError, TrajectoryError
+from armdyn.cli.sampling import check_rows, sampled, subject_of_file, usual_rate
+from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.files import probe_folder, write_whole
-from armdyn.parsing.numbers import number
 from armdyn.trajectory.formats import FORMATS, Mujoco, OutputFormat, Ros2
 
 KINDS = "|".join(FORMATS)
 _ABOUT_KINDS = " ".join(f"{name}: {kind.summary}." for name, kind in FORMATS.items())
-_DEFAULT_RATE = 1000.0
-"""Rows per second of a table or message [Hz]."""
 _MODEL_RATE = 4000.0
 """Keyframes per second of a complete model [Hz]: torques and targets are held between them."""
 
@@ -87,7 +85,13 @@ class FormatOptions:
     tolerance: float | None = option(
         "RAD",
         "ros2: distance of ros2_control's spline from the motion at most, by default 1e-3; the rate is raised for it "
-        "unless --rate is given. ur-rtde, panda-python: distance from the start at most, by default 0.01.",
+        "unless --rate is given, too. ur-rtde, panda-python: distance from the start at most, by default 0.01.",
+    )
+    effort: bool = option(
+        "",
+        "ros2: write efforts; --no-effort for a controller without an effort command interface, which refuses them.",
+        default=True,
+        name="--effort/--no-effort",
     )
     payload: float | None = option(
         "KG", "urscript, ur-rtde, panda-python: mass of the payload for the controller \\[kg]."
@@ -186,7 +190,10 @@ def export(
     are means over the step that begins there: a controller holds them until the next row. A motion that was to rest at
     an end does so exactly in its rows.
 
-    ROS 2's message (trajectory_msgs/msg/JointTrajectory) is JSON, which is YAML, too; joints have the URDF's names.
+    ROS 2's message (trajectory_msgs/msg/JointTrajectory) is JSON, which is YAML, too; joints have the URDF's names. It
+    is checked as ros2_control's joint_trajectory_controller runs it (preset ros2-jtc): where the splines between its
+    points would exceed a limit of the arm or the tolerance, the rate is doubled until they do not; where --rate and
+    --tolerance are both given, nothing is written (exit code 3 or 2), and the rate that would do is said.
 
     MuJoCo's file goes into a model of the same joints in the same order, by <include file="trajectory.xml"/>. Set time,
     qpos and qvel of the first keyframe; then hold each keyframe's ctrl until the next one's time.
@@ -216,36 +223,42 @@ def export(
     motion, target = rows.motion(file), rows.target(file)
     preset = None if kind is Mujoco else preset_of(file, controller)
     default_rate = _MODEL_RATE if mujoco.model else usual_rate(kind)
-    samples, ticks, deviation = sampled(
-        output_format, motion, rows.rate, default_rate if preset is None else preset.chosen.rate
-    )
-    found = None if preset is None else check_samples(preset, samples, isinstance(output_format, Ros2))
-    facts: dict[str, object]
+    default_rate = default_rate if preset is None else preset.chosen.rate
+    subject = subject_of_file(file) if kind is Ros2 else None
+    made = sampled(output_format, motion, rows.rate, default_rate, subject, strict=fields.tolerance is not None)
+    samples, facts = made.samples, made.facts()
+    if made.broken:
+        more = f"; --rate {made.enough:g} would do" if made.enough else ""
+        facts |= {"success": False, "status": "refused", "message": f"not written: {made.broken}{more}"}
+        return judged(facts, f"[red]refused[/], not written: {escape(made.broken + more)}", usable=False)
+    if preset is not None and subject is not None:
+        preset = preset.fitted(subject.limits, subject.joints)
+    found = None if preset is None else check_rows(preset, samples, kind is Ros2)
+    facts |= {} if found is None else {"controller": found.facts()}
     if found is not None and not found.ok and controller.preset is not None:
         more = "[red]not written[/]; without --preset it is, for simulations and figures"
-        facts = {"success": False, "status": "refused", "message": f"not written: {found}", "controller": found.facts()}
+        facts |= {"success": False, "status": "refused", "message": f"not written: {found}"}
         return judged(facts, *check_shown(found, target.name), more, usable=False)
-    holds = None
-    if kind is Ros2:
-        samples, holds = with_holding_torque(samples, file, motion)
+    said = made.said()
+    if subject is not None:
+        samples, facts["holds"] = with_holding_torque(samples, subject.robot, motion)
+        said += [] if facts["holds"] else [_UNHELD]
+        said += [_EFFORT] if fields.effort else []
     content = mujoco.content(file, motion, samples, fields.motors) if mujoco.model else output_format.text(samples)
     target.parent.mkdir(parents=True, exist_ok=True)
     write_whole(target, content.encode())
-    count, duration = samples.t.size, motion.duration
-    facts = {"format": kind.name, "rate": ticks, "samples": count, "duration": duration, "deviation": deviation}
-    facts |= {} if holds is None else {"holds": holds}
-    facts |= {} if found is None else {"controller": found.facts()}
-    even = "its own samples" if ticks is None else f"{ticks:g} Hz"
-    said = [f"{escape(str(target))}  ({count} rows at {even}, {duration:.6f} s)"]
+    facts |= {"format": kind.name, "samples": samples.t.size, "duration": motion.duration}
+    even = "its own samples" if made.rate is None else f"{made.rate:g} Hz"
+    said.insert(0, f"{escape(str(target))}  ({samples.t.size} rows at {even}, {motion.duration:.6f} s)")
     if found is not None:
-        said.append(escape(str(found)))
+        said.insert(1, escape(str(found)))
         if not found.ok:
             warnings.warn(f"the controller would refuse {target.name}: {found}", ArmdynWarning, stacklevel=2)
-    if deviation is not None:
-        said.append(f"ros2_control's spline between the points is at most {deviation:.2g} rad or m off the motion")
-    if holds is False:
-        said.append("the last effort is not the torque that holds the arm: no result next to the file says the arm")
     return done("written", facts, *said, files=[target])
+
+
+_UNHELD = "the last effort is not the torque that holds the arm: no result next to the file says the arm"
+_EFFORT = "a controller without an effort command interface refuses points with efforts: --no-effort leaves them out"
 
 
 def preset_of(file: Path, given: PresetOptions) -> ad.ControllerPreset | None:
@@ -263,77 +276,19 @@ def preset_of(file: Path, given: PresetOptions) -> ad.ControllerPreset | None:
     return ad.ControllerPreset.named(name, str(interface)) if name in ad.ControllerPreset.names() else None
 
 
-def check_samples(preset: ad.ControllerPreset, samples: ad.Samples, accelerations: bool) -> ad.ControllerCheck:
-    """Check samples that are exported.
-
-    Args:
-        preset: preset of the controller.
-        samples: the exported rows.
-        accelerations: whether the controller receives accelerations, too, and interpolates by quintics.
-
-    Raises:
-        ArmdynError: see `ControllerPreset.check`.
-    """
-    from armdyn.trajectory.planned import Planned
-
-    if accelerations:
-        return preset.check(Planned(samples.t, samples.q, samples.v, samples.a, samples.tau), samples.joint_names)
-    return preset.check(
-        ad.Trajectory(samples.t, samples.q, samples.v, samples.tau, samples.joint_names, hold="zero-order")
-    )
-
-
-def with_holding_torque(samples: ad.Samples, file: Path, motion: ad.Trajectory) -> tuple[ad.Samples, bool]:
+def with_holding_torque(samples: ad.Samples, arm: ad.Robot | None, motion: ad.Trajectory) -> tuple[ad.Samples, bool]:
     """Samples whose last torques hold the arm where the motion ends, and whether they do: the arm must be known.
 
     Args:
         samples: of the motion; ros2_control repeats their last row for good.
-        file: the motion's file, or that of a sum of which the motion is a piece; a result next to it says the arm.
+        arm: that moved; None: unknown.
         motion: the motion.
     """
     import numpy as np
 
-    from armdyn.cli.reports.saved import read_saved
-    from armdyn.cli.reports.subject import SubjectSpec, subject_of
     from armdyn.models.robots.loads import is_motion_of, robots_of
 
-    beside = file.with_name("result.json")
-    saved = read_saved(file.parent if file.name == "reference.npz" and beside.is_file() else file)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of an arm that is not drawn
-        arm = subject_of(saved, SubjectSpec()).robot
     if arm is None or not is_motion_of(arm, motion):
         return samples, False
     torque = robots_of(arm, motion)[-1].holding_torque(samples.q[-1])
     return replace(samples, tau=np.vstack([samples.tau[:-1], torque])), True
-
-
-def usual_rate(kind: type[OutputFormat]) -> float:
-    """Default rows per second of a format [Hz]."""
-    return float(getattr(kind, "rate", _DEFAULT_RATE))
-
-
-def sampled(
-    output_format: OutputFormat, motion: ad.Trajectory, rate: str | None, default_rate: float
-) -> tuple[ad.Samples, float | None, float | None]:
-    """Samples at a rate, the rate [Hz] (None: the motion's own), and the spline's deviation where the format knows it.
-
-    Args:
-        output_format: the format.
-        motion: the motion.
-        rate: value of --rate.
-        default_rate: rate without --rate [Hz].
-
-    Raises:
-        TrajectoryError: the deviation is above the tolerance, and the rate was given.
-    """
-    ticks = default_rate if rate is None else number(rate, "--rate") if rate.strip() != "own" else None
-    while True:
-        samples = motion.resample(ticks)
-        deviation = getattr(output_format, "deviation", None)
-        try:
-            return samples, ticks, None if deviation is None else deviation(samples, motion)
-        except TrajectoryError:
-            if rate is not None or ticks is None:
-                raise
-            ticks *= 2  # `resample` refuses too many

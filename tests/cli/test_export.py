@@ -35,17 +35,17 @@ def test_ros_reads_it(here):
     file = "deeper/still/trajectory.json"
     output = answer(
         run_here(
-            "export", "trajectory.npz", "--format", "ros2", "--rate", "250", "--out", "deeper/still", "--json", cwd=here
+            "export", "trajectory.npz", "--format", "ros2", "--rate", "500", "--out", "deeper/still", "--json", cwd=here
         )
     )
-    assert output["rate"] == 250 and output["files"] == [file]
-    text = (here / file).read_text()
-    assert yaml.safe_load(text) == json.loads(text) == solved("rr").trajectory.resample(250).to_joint_trajectory()
+    assert output["rate"] == 500 and output["files"] == [file]
+    text, samples = (here / file).read_text(), solved("rr").trajectory.resample(500, least=1)
+    assert yaml.safe_load(text) == json.loads(text) == samples.to_joint_trajectory()
 
 
 def test_ros_s_message_is_read_back(here):
     run_here("export", "trajectory.npz", "--format", "ros2", "--rate", "1000", cwd=here)
-    samples = solved("rr").trajectory.resample(1000)
+    samples = solved("rr").trajectory.resample(1000, least=1)  # what is left of a tick is in the last step
     planned = read_planned(here / "trajectory.json", samples.joint_names)
     assert planned.t == pytest.approx(samples.t, abs=0.5e-9)  # whole nanoseconds
     for what in ("q", "v", "a", "tau"):
@@ -110,7 +110,8 @@ def test_a_program_for_a_controller_has_its_rate(tmp_path):
 
 def test_the_deviation_of_ros2_control_is_said_and_bounded(here):
     output = answer(run_here("export", "trajectory.npz", "--format", "ros2", "--json", cwd=here))
-    assert output["rate"] == 1000 and 0 < output["deviation"] < 1e-4
+    # 4000 rad/s² within the first step, in which the quintic begins with none: 0.017 a h².
+    assert output["rate"] == 1000 and 0 < output["deviation"] < 1.5e-4
     tight = ("export", "trajectory.npz", "--format", "ros2", "--tolerance", "4e-6", "--json")
     output = answer(run_here(*tight, cwd=here))
     assert output["rate"] > 1000 and output["deviation"] <= 4e-6  # raised

@@ -73,7 +73,7 @@ def test_an_export_is_checked_before_it_is_written(here):
     assert "preset of your own, 'own': not checked; give --preset" in " ".join(run_here("export", file).stderr.split())
     kept = answer(run_here("export", file, "--preset", "own.toml", "--json"))
     assert kept["controller"]["accepted"] and kept["status"] == "written" and kept["rate"] == 1000
-    # Accelerations of rows are means over a step: at 20 Hz the quintics between them go beyond.
+    # At 20 Hz the quintics between the rows go beyond.
     (here / "run" / "trajectory.json").unlink(missing_ok=True)
     coarse = ("--format", "ros2", "--rate", "20", "--tolerance", "1", "--preset", "own.toml")
     output = answer(run_here("export", file, *coarse, "--json"), 3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from importlib.resources import files as package_files
 from pathlib import Path
@@ -10,13 +11,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import armdyn as ad
 from armdyn.arguments import one_of
 from armdyn.cli.console import Answer, cut_short, done, escape, facts_table, judged, table, working
-from armdyn.cli.export import KINDS, sampled, usual_rate
+from armdyn.cli.export import KINDS
 from armdyn.cli.invocation import invocation
 from armdyn.cli.motion.mintime import CurveOptions
 from armdyn.cli.motion.require import largest_gap, missing_words
 from armdyn.cli.options.groups import OUTPUT, SOLVER, TASK, argument, flag, group, option
 from armdyn.cli.options.results import ResultOptions, Written
-from armdyn.errors import FileError, ProblemError
+from armdyn.cli.sampling import sampled, usual_rate
+from armdyn.errors import ArmdynWarning, FileError, ProblemError
 from armdyn.files import csv_text, write_whole
 from armdyn.trajectory.formats import FORMATS, OutputFormat
 from armdyn.trajectory.formats.streams import Stream
@@ -170,6 +172,8 @@ def _write(
     progress: Any,
 ) -> Written:
     """The files of a cycle, of its solved moves."""
+    from armdyn.show.page.motions import Subject
+
     robot = solution.cycle.robot
     title = f"{name}: {f'{solution.duration:.3f} s, ' if solution.usable else ''}{solution.verdict}"
     folder.mkdir(parents=True, exist_ok=True)
@@ -184,9 +188,11 @@ def _write(
     files = [write_whole(folder / _STEPS, csv_text([heads, *map(_cells, summary["steps"])]).encode())]
     suffixes = [kind.suffix for kind in formats]
     for kind in formats:
-        samples, _, _ = sampled(kind(), motion, None, rate_of(kind, motion.duration, folder))
+        made = sampled(kind(), motion, None, rate_of(kind, motion.duration, folder), Subject.of(robot), strict=False)
+        if made.broken:
+            warnings.warn(f"{kind.name}: {made.broken}, at any rate", ArmdynWarning, stacklevel=2)
         own = f"trajectory{'' if suffixes.count(kind.suffix) == 1 else f'-{kind.name}'}{kind.suffix}"
-        files.append(write_whole(folder / own, kind().text(samples).encode()))
+        files.append(write_whole(folder / own, kind().text(made.samples).encode()))
     return written.with_files(files)
 
 

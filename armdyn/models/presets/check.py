@@ -79,7 +79,7 @@ def commands_of(motion: Trajectory | Samples | Planned, rate: float, present: Ar
     else:
         t, given = motion.t, [motion.q]
         given += [] if motion.v is None else [motion.v] if motion.a is None else [motion.v, motion.a]
-        tau = None if motion.tau is None else interpolated(t, [motion.tau], at)[0]
+        tau = None if motion.tau is None else _torques(motion, motion.tau, at)
     q, v, _ = interpolated(t, given, at)
     v[(ticks < start) | (ticks > end)] = 0
     if len(given) == 1:
@@ -95,6 +95,13 @@ def commands_of(motion: Trajectory | Samples | Planned, rate: float, present: Ar
         least=(float(steps[shortest]), float(t[shortest])),
         away=None if present is None else motion.q[0] - present,
     )  # fmt: skip
+
+
+def _torques(motion: Samples | Planned, tau: Array, at: Array) -> Array:
+    """Torques at some times [N m], held from row to row or on lines, as the rows are meant."""
+    if isinstance(motion, Planned) and motion.hold == "linear":
+        return interpolated(motion.t, [tau], at)[0]
+    return np.asarray(tau[np.searchsorted(motion.t, at, side="right") - 1])
 
 
 def _rounding(q: Array) -> float:

@@ -7,7 +7,7 @@ import re
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from armdyn.arguments import Checked, checked, number
+from armdyn.arguments import Checked, checked, flag, number
 from armdyn.errors import TrajectoryError
 from armdyn.trajectory.formats.output_format import joint_names
 
@@ -41,16 +41,20 @@ class Ros2(Checked):
 
     Attributes:
         tolerance: largest allowed `deviation` [rad or m].
+        effort: write efforts, too; a controller without an effort command interface refuses points that have any.
 
     Raises:
-        TrajectoryError: the tolerance is no positive number.
+        TrajectoryError: the tolerance is no positive number, or effort no flag.
     """
 
     name: ClassVar[str] = "ros2"
     suffix: ClassVar[str] = ".json"
     summary: ClassVar[str] = "a JointTrajectory message"
+    least: ClassVar[float] = 1.0
+    """Least length of the last step, as a part of a tick: a remainder is added to the step before."""
 
     tolerance: float = checked(number, 1e-3, unit="rad or m", sign="positive", error=TrajectoryError)
+    effort: bool = checked(flag, True)
 
     def deviation(self, samples: Samples, motion: Trajectory) -> float:
         """Largest distance of ros2_control's quintic spline through the points from the motion [rad or m].
@@ -76,6 +80,8 @@ class Ros2(Checked):
     def text(self, samples: Samples) -> str:
         """The message of `joint_trajectory`, and events."""
         message = joint_trajectory(samples)
+        for point in message["points"] if not self.effort else ():
+            del point["effort"]
         events = [
             {"time_from_start": _stamp(round(one.start * 1e9)), "name": one.name, "event": one.event,
              "load": one.load and asdict(one.load)} for one in samples.pieces
