@@ -244,7 +244,7 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
         ad.solve_many: {"problems": [PROBLEM], "options": OPTIONS, "progress": None},
         ad.solve_minimum_time: {"problem": PROBLEM, "options": OPTIONS, "progress": None},
         ad.study_table: {"file": folder / "done.sqlite"},
-        ad.time_optimality: {"robot": RR, "trajectory": MOTION, "options": OPTIONS, "reserve": 0.0}
+        ad.time_optimality: {"robot": RR, "trajectory": MOTION, "options": OPTIONS, "reserve": 0.0, "a": 0 * MOTION.v}
         | {"velocity_reserve": 0.0},
         ad.track: {"robot": RR, "reference": MOTION, "controller": PID, "plant": None, "loop": LOOP, "duration": 0.1}
         | {"tolerance": 0.005, "q_start": None},
@@ -318,14 +318,15 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
         preset.on: {"interface": "position"},
         preset.limit: {"name": "velocity"},
         preset.expect_joints: {"joints": RR.joint_names, "whose": "the robot"},
-        preset.check: {"motion": MOTION, "joint_names": RR.joint_names},
+        preset.check: {"motion": MOTION, "joint_names": RR.joint_names, "present": [0.0, 0.0]},
+        ad.ControllerPreset.named("ros2-jtc").fitted: {"limits": RR.limits, "joints": RR.joint_names},
         ad.Trajectory.load: {"path": MOTION.save(folder / "saved.npz")},
         ad.Trajectory.at_rest: {"q": GOAL, "tau": GOAL, "duration": 1.0, "joint_names": ("a", "b"), "name": ""},
         MOTION.__call__: {"time": 0.1},
         MOTION.as_piece: {"name": "", "load": None, "event": ""},
         MOTION.join: {"other": ad.ramp(RR, GOAL, START, 0.2), "tolerance": 1e-5},
         MOTION.slice: {"begin": 0.05, "end": 0.1},
-        MOTION.resample: {"rate": 100.0},
+        MOTION.resample: {"rate": 100.0, "least": 1.0},
         MOTION.save: {"path": folder / "motion.npz"},
         MOTION.to_csv: {"path": folder / "motion.csv"},
         MOTION.resample(100.0).to_csv: {"path": folder / "samples.csv"},

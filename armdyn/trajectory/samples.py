@@ -242,7 +242,7 @@ def _accelerations(motion: Trajectory, t: Array) -> Array:
 
 def _even_times(duration: float, rate: float, least: float) -> Array:
     """Multiples of the period from the start, and the end [s], shape (n,); `least` as of `Trajectory.resample`."""
-    least = number(least, "least", sign="positive", error=TrajectoryError)
+    least = number(least, "least", least=LAST_STEP, most=1.0, error=TrajectoryError)
     rate = number(rate, "rate", unit="Hz", sign="positive", most=MOST_RATE, error=TrajectoryError)
     ticks = duration * rate
     _check_count(ticks + 1, f"{duration:g} s at {rate:g} Hz")

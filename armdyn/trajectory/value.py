@@ -279,7 +279,7 @@ class Trajectory(Checked):
         Args:
             rate: samples per second [Hz], at most `MOST_RATE`; None: the motion's own samples, of those nearer to each
                 other than `LEAST_STAMP`, as the two sides of a jump, only the first.
-            least: least length of the last step, as a part of a tick: a tick that is nearer to the end has no stamp.
+            least: least length of the last step, as a part of a tick, at most 1: a tick nearer to the end has no stamp.
 
         Raises:
             TrajectoryError: the rate is no number, the samples are more than `MOST_SAMPLES`, the motion is shorter than

@@ -11,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import each, numbers, one_of, several, shown, text
+from armdyn.arguments import each, expect, numbers, one_of, several, shown, text
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError, TrajectoryError, did_you_mean
 from armdyn.files import file_inside
@@ -188,11 +188,17 @@ class ControllerPreset:
         Args:
             limits: of the arm.
             joints: names of its joints.
+
+        Raises:
+            ProblemError: an argument is none of these, or there are not as many names as limits.
         """
+        names = each(joints, "joints", text)
+        if len(names) != expect(limits, JointLimits, "limits").velocity.size:
+            raise ProblemError(f"joints has {len(names)} names; limits are of {limits.velocity.size} joints")
         if self.joints:
             return self
         own: dict[str, Any] = {name: tuple(getattr(limits, name).tolist()) for name in OF_ROBOT}
-        return replace(self, joints=tuple(joints), limits=replace(self.limits, **own))
+        return replace(self, joints=names, limits=replace(self.limits, **own))
 
     def limit(self, name: str) -> Array | None:
         """A limit of the chosen interface, shape (nv,); None: no condition of the interface has it.
