@@ -86,6 +86,13 @@ def solve_task(task: Task, seconds: float | None = None) -> Solution:
     check_pace(problem)
     if problem.goal_pose is not None or len(problem.goals) > 1:
         return fastest_goal(task, solve_task)
+    if problem.weak_ends and task.options.search == "normal" and task.options.starts is None:
+        ends = "; ".join(one.words for one in problem.weak_ends)
+        task.progress(f"{ends}: there may be no motion, and a quick search comes first")
+        quick = solve_task(task.with_options(search="quick"), seconds)
+        if not quick.moves:
+            said = f"{quick.message}; a quick search was made, and `search` thorough makes a long one"
+            return replace(quick, message=said)
     limit, numbers = task.options.time_limit if seconds is None else seconds, task.policy.landing
     with one_blas_thread():
         with (

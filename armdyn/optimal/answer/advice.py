@@ -14,10 +14,8 @@ from armdyn.optimal.proof.certificate import GAP_TOLERANCE, ON_CURVE, Certificat
 from armdyn.optimal.task.policy.policy import Policy
 from armdyn.reprs import percent
 
-_HOLD = (
-    "choose a goal that its motors can hold, carry less `payload`, raise `effort_limit`, or pass the goal in flight "
-    "with `v_goal`"
-)
+_HOLD = "choose poses that its motors can hold, carry less `payload`, raise `effort_limit`"
+_IN_FLIGHT = "pass the goal in flight with `v_goal`"
 _MORE_ROOM = "another `seed` plans other paths; a smaller `clearance` leaves more room"
 _LITTLE = 0.1
 """Gap above which the bound is weak because torque limits, not velocity limits, decide the duration."""
@@ -38,8 +36,9 @@ def advice(
         arcs: whether the answer's arcs were resolved.
     """
     if not np.isfinite(certificate.goal_error) and certificate.growth is None:
-        if problem.holding_deficit is not None:
-            return {"lands": f"no motion was found, and the arm cannot stay at the goal: {_HOLD}"}
+        if weak := problem.weak_ends:
+            ends, flight = " and the ".join(one.pose for one in weak), f", or {_IN_FLIGHT}" * (weak[-1].pose == "goal")
+            return {"lands": f"no motion was found, and the arm cannot stay at the {ends}: {_HOLD}{flight}"}
         if problem.has_clearance:
             return {"lands": f"no motion was found: {_MORE_ROOM}"}
         wider = "widen the limits or regions" if problem.has_regions else "widen the limits"
@@ -59,7 +58,7 @@ def advice(
     if lines:
         return lines
     if problem.holding_deficit is not None:
-        return {"holds": f"the arm cannot stay at the goal: {_HOLD}"}
+        return {"holds": f"the arm cannot stay at the goal: {_HOLD}, or {_IN_FLIGHT}"}
     if not certificate.extremal and not (certificate.remark == ON_CURVE and not arcs and certificate.gap is not None):
         lines["extremal"] = _for_extremal(problem, certificate, arcs)
     if not certificate.gap_proven or certificate.gap is None or certificate.gap > GAP_TOLERANCE:

@@ -79,6 +79,8 @@ def failed(task: Task, found: SearchResult, elapsed: float) -> Solution:
         status, why = Status.TIME_LIMIT, ended_by_time(task.options.time_limit)
     else:
         status, why = attempt.status, attempt.message
+    if weak := [one.words for one in task.problem.weak_ends]:  # more likely than the worst equation
+        why, worst = "; ".join((*weak, why)), None
     return replace(
         without_motion(task.problem, status, why + (f"; worst: {worst}" if worst else ""), attempt.trajectory),
         certificate=Certificate(np.inf, np.inf, np.inf, remark=f"no motion was found ({attempt.message})"),

@@ -190,10 +190,11 @@ def _needed(model: CollisionModel, contact: Clearance, clearance: float) -> str:
 
 @dataclass(frozen=True)
 class HoldingDeficit:
-    """A joint whose torque limit is below the torque that holds the goal at rest.
+    """A joint whose torque limit is below the torque that holds the arm at rest.
 
     Attributes:
         joint: its name.
+        pose: name of the pose: "start" or "goal".
         excess: (holding torque - limit) / limit [-].
         motor: whether the joint has a motor.
         beyond: whether the actuator itself is too weak, not only its limit less the reserve.
@@ -201,6 +202,7 @@ class HoldingDeficit:
     """
 
     joint: str
+    pose: str
     excess: float
     motor: bool
     beyond: bool
@@ -249,9 +251,8 @@ def holding_deficits(
         own = abs(bound) / (1 - reserve[i])
         excess = (abs(torque[i]) - abs(bound)) / limits.actuators.scale[i]
         words = f"joint {joint!r} needs {torque[i]:.4g} {unit} to hold the {pose} but {most}"
-        found.append(
-            HoldingDeficit(joint, float(excess), not limits.passive[i], bool(abs(torque[i]) > own + room), words)
-        )
+        beyond = bool(abs(torque[i]) > own + room)
+        found.append(HoldingDeficit(joint, pose, float(excess), not limits.passive[i], beyond, words))
     return sorted(found, key=lambda one: -one.excess)
 
 

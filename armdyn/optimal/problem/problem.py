@@ -342,9 +342,18 @@ class MinimumTimeProblem:
 
         Joints without a motor do not count: feedback balances them upright.
         """
-        if np.any(np.asarray(self.v_goal)):
-            return None
-        return next((one for one in self._deficits_at(np.asarray(self.q_goal)) if one.motor and one.beyond), None)
+        return next((one for one in self.weak_ends if one.pose == "goal"), None)
+
+    @property
+    def weak_ends(self) -> tuple[HoldingDeficit, ...]:
+        """The joint whose motor is the weakest for holding the arm, at the start and at the goal, where it rests there.
+
+        Brakes may hold the start; a motion then begins with a fall.
+        """
+        ends = (("start", self.q_start, self.v_start), ("goal", self.q_goal, self.v_goal))
+        found = [self._deficits_at(np.asarray(q), pose) for pose, q, v in ends if not np.any(np.asarray(v))]
+        weakest = (next((one for one in each if one.motor and one.beyond), None) for each in found)
+        return tuple(one for one in weakest if one is not None)
 
     @property
     def unstable_ends(self) -> tuple[str, ...]:

@@ -56,7 +56,8 @@ def curves(task: Task) -> tuple[list[Optimum], SearchResult]:
         found, planned = _among_obstacles(task)
     else:
         found, planned = _refined(task, _guesses(task, starts), _calms(task)), True
-        if not task.stop and all(_may_improve(task, one) for one in found):
+        hopeless = task.options.search == "quick" and bool(task.problem.weak_ends)
+        if not (task.stop or hopeless) and all(_may_improve(task, one) for one in found):
             found += _refined(task, _guesses(task, numbers.more_starts)[1:], _calms(task))
     if is_building():
         task.progress("its machine code is being built in the background, once: later solves are faster")
@@ -238,18 +239,12 @@ def _failed(task: Task, refined: RefinedCurve) -> Attempt:
     """Attempt of a curve whose torques exceed their limits at any pace."""
     problem, result = task.problem, refined.solved.result
     motion = refined.curve.trajectory(problem.robot)
-    hold, limits = problem.holding_torque(), problem.limits
-    over = limits.actuators.excess(hold, np.asarray(problem.q_goal), np.zeros_like(hold))
-    message, j = result.message, int(np.argmax(over))
+    message = result.message
     if result.status is Status.SOLVED:
         beyond = f"exceed their limits by {percent(refined.excess)} between its points"
         message = f"a curve of {motion.duration:.4g} s is the best; its torques, or their rates, {beyond}"
-    if over[j] > 0:
-        name, most = problem.robot.joint_names[j], abs(hold[j]) - over[j]
-        unit = "N" if problem.robot.slides[j] else "N m"
-        message += f"; joint {name!r} needs {abs(hold[j]):.3g} {unit} to hold the goal, its limit is {most:.3g} {unit}"
     status = Status.INFEASIBLE if result.status is Status.SOLVED else result.status
-    worst = worst_violation(problem.robot, limits, motion, dense=1)
+    worst = worst_violation(problem.robot, problem.limits, motion, dense=1)
     return Attempt(status, message, motion, refined.curve.legs[0].basis.intervals, refined.iterations, worst)
 
 

@@ -130,6 +130,26 @@ def test_ends_at_which_the_arm_does_not_stay_by_itself_are_in_the_verdict():
     assert not ad.MinimumTimeProblem(pole, q_start=[0, 0], q_goal=[np.pi, 0]).unstable_ends
 
 
+@pytest.mark.slow
+def test_a_start_that_cannot_be_held_is_named_before_the_search_and_where_it_fails():
+    """RR lies with 1.5 kg at its tip, and is to be lifted by a tenth of the torque; it has no room to swing."""
+    arm = paper_arm("rr", 1.5).with_limits(0.8, None)
+    room = ([-0.5, -0.5], [2.0, 0.5])
+    problem = ad.MinimumTimeProblem(arm, q_start=[0.0, 0.0], q_goal=[np.pi / 2, 0.0], position_limit=room)
+    (weak,) = problem.weak_ends
+    needed = arm.holding_torque([0.0, 0.0])[0]
+    assert (weak.joint, weak.pose) == ("joint1", "start") and problem.holding_deficit is None
+    words = f"joint 'joint1' needs {needed:.4g} N m to hold the start but its limit is 0.8 N m"
+    told = []
+    solution = ad.solve_minimum_time(problem, progress=told.append)
+    assert not solution.moves and told[0].startswith(words) and "quick search" in told[0]
+    assert solution.message.startswith(f"no motion was found: {words}") and "worst" not in solution.message
+    assert "`search` thorough" in solution.message
+    (advice,) = solution.what_to_do
+    assert "cannot stay at the start" in advice and "`effort_limit`" in advice and "`v_goal`" not in advice
+    assert not problem.variant(v_start=[0.1, 0.0]).weak_ends
+
+
 def test_the_holding_deficit_counts_friction_reserve_and_passive_joints():
     def holding_deficit(**more):
         robot = more.pop("robot", paper_arm("rr", 1.0))

@@ -458,7 +458,7 @@ def test_a_goal_that_cannot_be_held_is_named():
     solution = ad.solve_minimum_time(problem, few)
     assert not solution.success
     assert solution.status in (Status.INFEASIBLE, Status.ITERATION_LIMIT)
-    assert "joint 'shoulder_lift_joint' needs 59.3 N m to hold the goal, its limit is 10 N m" in solution.message
+    assert "joint 'shoulder_lift_joint' needs -59.32 N m to hold the goal but its limit is -10 N m" in solution.message
 
 
 @pytest.mark.slow
