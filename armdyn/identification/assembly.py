@@ -4,12 +4,11 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import eigh
 
 from armdyn.arrays import Array
 from armdyn.identification.equations import Equations, in_tip
 from armdyn.identification.estimate import Estimate, Estimated, Judged
-from armdyn.identification.fitting import Fit
+from armdyn.identification.fitting import Fit, sandwich
 from armdyn.identification.unknowns import parameters_of
 from armdyn.models.robots.arm import payload_inertia
 from armdyn.models.robots.robot import Robot
@@ -85,7 +84,7 @@ def _parameters(robot: Robot, equations: Equations, fit: Fit) -> Iterator[Estima
     unknowns = equations.unknowns
     hessian = unknowns.divergence_near(fit.x).hessian
     spread = np.linalg.inv(hessian) / max(1.0, fit.weight)
-    covariance = fit.covariance + _unmeasured(fit, hessian)
+    covariance = _covariance(equations, fit)
 
     def estimated(name: str, unit: str, prior: float, value: float, gradient: Array) -> Estimated:
         variance, before = (np.maximum(gradient @ one @ gradient, 1e-300) for one in (covariance, spread))
@@ -116,20 +115,17 @@ def _parameters(robot: Robot, equations: Equations, fit: Fit) -> Iterator[Estima
         start += sizes.size
 
 
-def _unmeasured(fit: Fit, hessian: Array) -> Array:
-    """Spread of the combinations that the prior determines, beyond that of the fit, shape (p, p).
+def _covariance(equations: Equations, fit: Fit) -> Array:
+    """Covariance of the unknowns where the prior has its own width, whatever weight the fit gave it, shape (p, p).
 
     Cross-validation chooses the prior's weight by what the log measures; of the other combinations, such as mass
-    against armature of a joint that slides, it knows nothing. Their prior counts as one measurement at most.
+    against armature of a joint that slides, it knows nothing, nor does a tenth of the torques as a guess of friction.
+    Its distance from the fit under the widest prior counts as an error of the estimate.
     """
-    matrix = fit.normal.matrix + fit.weight * hessian
-    scale = 1 / np.sqrt(np.diag(matrix))
-    # Parts of the combinations' information that the log gives, and the combinations, of variance 1.
-    parts, vectors = eigh(fit.normal.matrix * np.outer(scale, scale), matrix * np.outer(scale, scale))
-    looser = min(1.0, 1 / fit.weight)
-    more = np.where(parts < 0.5, 1 / (parts + (1 - parts) * looser) - 1, 0.0)
-    vectors = scale[:, None] * vectors
-    return np.asarray((vectors * more) @ vectors.T)
+    units = equations.unknowns.in_units_of(equations.widest)
+    prior = units.T @ units
+    away = fit.x - np.linalg.solve(fit.normal.matrix + prior, fit.normal.vector)
+    return np.asarray(sandwich(fit.normal.matrix, fit.scores, prior) + np.outer(away, away))
 
 
 def _jacobian(function: Callable[[Array], Array], x: Array, count: int) -> Array:

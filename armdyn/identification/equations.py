@@ -37,22 +37,28 @@ class Equations:
         unknowns: their layout.
         width: of the smoothed jump of Coulomb friction [rad/s or m/s], one or shape (nv,).
         replaced: the robot's dynamic parameters of the unknown bodies, shape (bodies, 10).
+        widest: the same unknowns with the prior's own width as their unit: 100 % of what the robot's file says; of what
+            it lacks all that the logs allow (the joint's whole torque, a payload as far off as the arm is long).
     """
 
     robot: Robot
     what: What
     unknowns: Unknowns
+    widest: Unknowns
     width: float | Array
     replaced: Array
 
     @classmethod
     def of(cls, robot: Robot, what: What, signals: list[Signals], width: float | Array) -> Equations:
         """The equations of a robot; the scales of unknown friction are those of the logs' torques."""
-        torque = np.sqrt(np.mean(np.concatenate([one.tau for one in signals]) ** 2, axis=0)) + 1e-9
-        speed = np.sqrt(np.mean(np.concatenate([one.v for one in signals]) ** 2, axis=0)) + 1e-3
+        torque, speed, acceleration = (
+            np.sqrt(np.mean(np.concatenate([getattr(one, name) for one in signals]) ** 2, axis=0)) + least
+            for name, least in (("tau", 1e-9), ("v", 1e-3), ("a", 1e-3))
+        )
         damping, coulomb = robot.friction.per_joint(robot.nv)
         joints: tuple[int, ...] = ()
         factors, armature, replaced = np.zeros((0, 4, 4)), np.zeros(0), np.zeros((1, 10))
+        wide, rotor = factors, armature
         if what == "payload":
             given, at = robot.payload or Payload(mass=0), robot.frame_of(Payload(mass=0))
             centre = np.array(given.com) if given.frame is None else np.zeros(3)
@@ -63,6 +69,8 @@ class Equations:
             body = np.sqrt(mass) * np.diag([radius, radius, radius, 1.0])
             body[:3, 3] = np.sqrt(mass) * centre
             joints, factors = (at.parentJoint - 1,), (at.placement.homogeneous @ body)[None]
+            far = body @ np.diag([1, 1, 1, _PRIOR_PART]) / _PRIOR_PART
+            wide = factors if given.mass else (at.placement.homogeneous @ far)[None]
         elif what == "all":
             bare = robot.with_payload(None) if robot.payload is not None else robot
             joints = tuple(range(robot.nv))
@@ -71,18 +79,27 @@ class Equations:
                 np.array([of(body) for body in bodies]) for of in (prior_factor, pin.Inertia.toDynamicParameters)
             )
             moved = np.diag(pin.crba(robot.model, robot.model.createData(), robot.configuration(signals[0].q[0])))
-            armature = np.where(robot.model.armature > 0, robot.model.armature, _PRIOR_PART * moved)
-        return cls(
-            robot=robot,
-            what=what,
-            unknowns=Unknowns(
+            armature, rotor = (
+                np.where(robot.model.armature > 0, robot.model.armature, unknown)
+                for unknown in (_PRIOR_PART * moved, torque / acceleration)
+            )
+            wide = factors
+
+        def unknowns(factors: Array, armature: Array, part: float) -> Unknowns:
+            return Unknowns(
                 joints=joints,
                 factors=factors,
                 armature=armature,
-                damping=np.where(damping > 0, damping, _PRIOR_PART * torque / speed),
-                coulomb=np.where(coulomb > 0, coulomb, _PRIOR_PART * torque),
-                offset=_PRIOR_PART * torque,
-            ),
+                damping=np.where(damping > 0, damping, part * torque / speed),
+                coulomb=np.where(coulomb > 0, coulomb, part * torque),
+                offset=part * torque,
+            )
+
+        return cls(
+            robot=robot,
+            what=what,
+            unknowns=unknowns(factors, armature, _PRIOR_PART),
+            widest=unknowns(wide, rotor, 1.0),
             width=width,
             replaced=replaced,
         )

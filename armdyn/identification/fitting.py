@@ -156,6 +156,7 @@ class Fit:
         weight: of the divergence.
         noise: standard deviation of the joints' residuals [N m or N], shape (nv,).
         normal: the weighted normal equations.
+        scores: covariance of the residuals' scores, shape (p, p): the normal matrix with their autocorrelation.
         covariance: of the unknowns, shape (p, p).
     """
 
@@ -163,6 +164,7 @@ class Fit:
     weight: float
     noise: Array
     normal: Normal
+    scores: Array
     covariance: Array
 
 
@@ -190,12 +192,15 @@ def fit(unknowns: Unknowns, columns: Array, torque: Array, options: FitOptions) 
         residual = torque - columns @ x
         noise = np.maximum(1.4826 * np.median(np.abs(residual - np.median(residual, axis=0)), axis=0), floor)
         inflation = autocorrelation(residual, options.huber * noise, options.least_inflation)
+    scores = Normal.of(columns, np.zeros(torque.shape), weights * inflation).matrix
+    prior = weight * unknowns.divergence_near(x).hessian
     return Fit(
         x=x,
         weight=weight,
         noise=noise,
         normal=normal,
-        covariance=_covariance(unknowns, x, columns, weights * inflation, normal, weight),
+        scores=scores,
+        covariance=sandwich(normal.matrix, scores, prior),
     )
 
 
@@ -230,15 +235,18 @@ def autocorrelation(residual: Array, limit: Array, least: float) -> Array:
     return np.asarray(np.maximum(least, 2 * np.sum(pairs * kept, axis=0) - 1))
 
 
-def _covariance(unknowns: Unknowns, x: Array, columns: Array, inflated: Array, normal: Normal, weight: float) -> Array:
-    """Sandwich covariance H⁻¹ M H⁻¹: scores of the residuals with their autocorrelation, and the prior's spread.
+def sandwich(matrix: Array, scores: Array, prior: Array) -> Array:
+    """Covariance H⁻¹ M H⁻¹ of a fit with a prior, shape (p, p): its information and the variance of its scores.
 
     Of a log without noise H and M are large along measured combinations and the prior's along the others; by their
     factors the covariance stays positive definite.
+
+    Args:
+        matrix: of the normal equations, shape (p, p).
+        scores: covariance of the residuals' scores, likewise.
+        prior: its information, likewise.
     """
-    hessian = unknowns.divergence_near(x).hessian
-    scores = Normal.of(columns, np.zeros(inflated.shape), inflated).matrix
-    lower = np.linalg.cholesky(normal.matrix + weight * hessian)
-    middle = np.linalg.solve(lower, np.linalg.cholesky(scores + weight * hessian))
+    lower = np.linalg.cholesky(matrix + prior)
+    middle = np.linalg.solve(lower, np.linalg.cholesky(scores + prior))
     root = np.linalg.solve(lower.T, middle)
     return np.asarray(root @ root.T)

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from scipy.linalg import block_diag
 
 from armdyn.arrays import Array
 
@@ -133,6 +134,16 @@ class Unknowns:
         moved = np.einsum("bij,kjl,bml->bkim", self.factors, BASIS, self.factors)
         return np.swapaxes(parameters_of(moved), 1, 2)
 
+    @property
+    def scales(self) -> Array:
+        """Scales of the numbers after the bodies, shape (p − 10 bodies,)."""
+        return np.concatenate([self.armature, self.damping, self.coulomb, self.offset])
+
+    def in_units_of(self, other: "Unknowns") -> Array:
+        """Matrix that turns these unknowns into those of another unit, shape (p, p)."""
+        blocks = np.linalg.solve(other.basis(), self.basis())
+        return np.asarray(block_diag(*blocks, np.diag(self.scales / other.scales)))
+
     def bodies(self, x: Array) -> Array:
         """Pseudo-inertias of the bodies, shape (bodies, 4, 4)."""
         return np.asarray(self.factors @ self._relative(x) @ np.swapaxes(self.factors, 1, 2))
@@ -142,7 +153,7 @@ class Unknowns:
         start = 10 * len(self.joints)
         values = x[start:].copy()
         values[: self.positive] += 1
-        values *= np.concatenate([self.armature, self.damping, self.coulomb, self.offset])
+        values *= self.scales
         ends = np.cumsum([self.armature.size, self.damping.size, self.coulomb.size])
         armature, damping, coulomb, offset = np.split(values, ends)
         return armature, damping, coulomb, offset

@@ -162,6 +162,41 @@ def test_confidence_covers_the_truth():
     assert 0.92 <= np.mean(hits) <= 0.98  # some 300 numbers: two standard deviations are 0.025
 
 
+def single(read, mass, kind, axis):
+    """An arm of one joint, whose link has a mass [kg]; level, vertical, sliding or turning."""
+    return read(
+        '<robot name="single"><link name="base"/><link name="car"><inertial><origin xyz="0.2 0 0"/>'
+        f'<mass value="{mass}"/>'
+        '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link><link name="tip"/>'
+        '<joint name="flange" type="fixed"><parent link="car"/><child link="tip"/><origin xyz="0.5 0 0"/></joint>'
+        f'<joint name="x" type="{kind}"><parent link="base"/><child link="car"/><axis xyz="{axis}"/>'
+        '<limit lower="-1" upper="1" effort="60" velocity="3"/></joint></robot>'
+    )
+
+
+@pytest.mark.parametrize("axis", ["1 0 0", "0 0 1"])  # a vertical one's weight is the torque sensor's offset, too
+@pytest.mark.parametrize(("guess", "mass", "rotor"), [(0.61, 0.53, 1.64), (4.4, 4.65, 1.96), (2.1, 2.8, 0.2)])
+def test_the_mass_of_a_slider_whose_rotor_is_unknown_is_not_measured(read, axis, guess, mass, rotor):
+    true = single(read, mass, "prismatic", axis).with_armature([rotor]).with_friction(0.5, 0.8)
+    estimate = identify(single(read, guess, "prismatic", axis), simulated_log(true, 3, noise=0.005, duration=4.0))
+    own = {one.name: one for one in estimate.parameters}
+    assert not own["mass of x"].measured
+    assert own["mass of x"].deviation > 0.4 * mass
+    for name, value in (("mass of x", mass), ("armature of x", rotor)):
+        assert own[name].interval[0] < value < own[name].interval[1]
+    assert own["coulomb of x"].measured
+    assert estimate.torque_deviation([0], [0], [1])[0] < 0.05 * (mass + rotor)  # their sum is measured
+
+
+def test_a_payload_whose_place_is_unknown_is_not_measured_about_one_vertical_axis(read):
+    prior = single(read, 2.0, "revolute", "0 0 1")
+    true = prior.with_payload(ad.Payload(mass=1.0, com=(0.3, 0, 0))).with_friction(0.5, 0.8)
+    estimate = identify(prior, simulated_log(true, 3, noise=0.005, duration=4.0), "payload", QUICK)
+    (mass,) = (one for one in estimate.parameters if one.name == "mass of payload")
+    assert not mass.measured
+    assert mass.interval[0] < 1.0 < mass.interval[1]
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.01, 0.03])  # the weights of the prior are 0.01, 100 and 32
 def test_mass_and_armature_of_a_joint_that_slides_level_are_not_measured_apart(read, noise):
     prior, true = (
