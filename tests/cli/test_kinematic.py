@@ -1,7 +1,14 @@
 """The commands on a vendor's file without inertias: what needs none works, and `--kinematic`."""
 
+import base64
+
+import numpy as np
 import pytest
 
+import armdyn as ad
+from armdyn.show.page.facts import Facts
+from armdyn.show.page.joints import joint_section
+from armdyn.show.page.motions import ShownMotion, Subject, motions_data
 from cli.command import run_here, run_json
 from oracles import joint, link, urdf
 
@@ -71,3 +78,12 @@ def test_minimum_time(folder):
 def test_closed_loops_need_inertias(folder):
     data = run_json("pid", "arm.urdf", *POSES, code=2, cwd=folder)
     assert "moves no inertia; links without mass: a, b, c" in data["message"]
+
+
+def test_pages_say_that_torques_are_unknown(folder):
+    motion = ad.trajectory_from_path(ad.Robot.from_urdf(folder / "arm.urdf"), [0, 1, 2], np.outer([0, 1, 2], [0.1] * 3))
+    subject, shown = Subject.of(ad.Robot.from_urdf(folder / "arm.urdf")), ShownMotion("straight", motion, Facts())
+    (move,) = motions_data([shown], subject)["moves"]
+    torques, speeds = (np.frombuffer(base64.b64decode(move[name]), "<f4") for name in ("tau", "v"))
+    assert np.all(np.isnan(torques)) and np.all(np.isfinite(speeds))
+    assert str(joint_section(shown, subject).body).count("unknown") == 3

@@ -153,7 +153,8 @@
     steps(time);
     rows.forEach(({ k, j, cells, fill, on }) => {
       ["q", "v", "tau"].forEach((kind, i) => {
-        cells[i].textContent = `${number(curves.values(kind, j, time, k), places[kind])} ${curves.unit(kind, j)}`;
+        const value = curves.values(kind, j, time, k);  // null: the torques are unknown
+        cells[i].textContent = value === null ? "–" : `${number(value, places[kind])} ${curves.unit(kind, j)}`;
       });
       const torque = curves.values("tau", j, time, k);
       const part = full[j] ? (torque < 0 ? -torque / full[j][0] : torque / full[j][1]) || 0 : 0;

@@ -49,7 +49,8 @@ def joint_section(move: ShownMotion, subject: Subject) -> Section:
         torque = most_used(tau[:, j], lower[:, j], upper[:, j])
         ends = [f"{x:z.4f} {turn}" for x in (q[0, j], q[-1, j])]
         fastest, strongest = f"{np.abs(v[:, j]).max():.4g} {turn}/s", f"{np.abs(tau[:, j]).max():.4g} {force}"
-        rows.append([name, *ends, fastest, _share(speed), strongest, _share(torque), str(switching[j])])
+        pushed = [strongest, _share(torque)] if np.any(tau) else ["unknown", _share(None)]
+        rows.append([name, *ends, fastest, _share(speed), *pushed, str(switching[j])])
     return Section("joints", "Joint by joint", stacked(heads, rows), wide=True)
 
 

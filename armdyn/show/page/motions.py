@@ -122,7 +122,7 @@ def _times(motion: Trajectory) -> Array:
 
 
 def _curves(move: ShownMotion, times: Array, limits: JointLimits) -> dict[str, Any]:
-    """Curves of one motion, NaN after its end."""
+    """Curves of one motion, NaN after its end, and where it has no torques."""
     motion = move.motion
     sample = motion(motion.t[0] + times)
     beyond = times > motion.duration
@@ -134,7 +134,7 @@ def _curves(move: ShownMotion, times: Array, limits: JointLimits) -> dict[str, A
         )
     curves = {}
     for name, values in zip(("q", "v", "tau"), sample, strict=True):
-        values[beyond] = np.nan
+        values[beyond | (name == "tau" and not np.any(motion.tau))] = np.nan
         curves[name] = packed(values.T)
     return {
         "name": move.name,
