@@ -221,6 +221,8 @@ def export(
     if kind is Mujoco and controller.read() is not None:
         raise ProblemError("--preset checks commands for a controller; the format mujoco has none")
     motion, target = rows.motion(file), rows.target(file)
+    if isinstance(output_format, Ros2) and not motion.tau.any():
+        output_format, fields = replace(output_format, effort=False), replace(fields, effort=False)
     preset = None if kind is Mujoco else preset_of(file, controller)
     default_rate = _MODEL_RATE if mujoco.model else usual_rate(kind)
     default_rate = default_rate if preset is None else preset.chosen.rate
@@ -242,7 +244,8 @@ def export(
     said = made.said()
     if subject is not None:
         samples, facts["holds"] = with_holding_torque(samples, subject.robot, motion)
-        said += [] if facts["holds"] else [_UNHELD]
+        unheld = _UNHELD if motion.tau.any() else "without efforts, since the motion has no torques"
+        said += [] if facts["holds"] and motion.tau.any() else [unheld]
         said += [_EFFORT] if fields.effort else []
     content = mujoco.content(file, motion, samples, fields.motors) if mujoco.model else output_format.text(samples)
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -288,7 +291,7 @@ def with_holding_torque(samples: ad.Samples, arm: ad.Robot | None, motion: ad.Tr
 
     from armdyn.models.robots.loads import is_motion_of, robots_of
 
-    if arm is None or not is_motion_of(arm, motion):
+    if arm is None or not arm.has_dynamics or not is_motion_of(arm, motion):
         return samples, False
     torque = robots_of(arm, motion)[-1].holding_torque(samples.q[-1])
     return replace(samples, tau=np.vstack([samples.tau[:-1], torque])), True

@@ -71,6 +71,9 @@ def test_minimum_time(folder):
     assert {cost["condition"] for cost in data["controller"]["costs"]} == {"velocity", "acceleration"}
     said = run_here("mintime", "arm.urdf", *POSES, *options, "--kinematic", "--jerk-limit", "9", cwd=folder).stdout
     assert "without torques: the arm's inertias are unknown" in " ".join(said.split())
+    # Controllers get no efforts of zero.
+    assert run_json("export", "m/trajectory.npz", "--format", "ros2", "--out", "e", cwd=folder)["success"]
+    assert '"effort"' not in (folder / "e" / "trajectory.json").read_text()
     bound = run_json("bound", "arm.urdf", *POSES, "--kinematic", "--acceleration-limit", "6", cwd=folder)
     assert bound["bound"] == pytest.approx(2 / 6**0.5, rel=1e-3)
 

@@ -65,7 +65,9 @@ class Ticks:
         v = np.where(t[:, None] <= duration, state.v, 0.0)
         holding = robot.holding_torque(reference.q[-1])
         a = np.diff(state.v, axis=0, append=state.v[-1:]) * rate  # a motion that ends moving is not braked in one tick
-        return cls(rate, duration, state.q, v, a, _torques(reference, rate, count, holding))
+        known = np.any(reference.tau)  # not of a kinematic problem
+        tau = _torques(reference, rate, count, holding) if known else inverse_dynamics(robot)(state.q, v, a)
+        return cls(rate, duration, state.q, v, a, tau)
 
     @property
     def goal(self) -> Array:

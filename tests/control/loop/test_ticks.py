@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -61,12 +63,20 @@ def test_a_linear_torque_has_the_mean_of_its_ends(cart):
 def test_after_the_motion_the_arm_is_held():
     arm = paper_arm("rr")
     q = np.tile([0.3, -0.7], (2, 1))
-    reference = ad.Trajectory(t=np.array([0.0, 0.01]), q=q, v=0 * q, tau=0 * q)
+    reference = ad.Trajectory(t=np.array([0.0, 0.01]), q=q, v=0 * q, tau=0 * q + 0.5)
     ticks = Ticks.of(arm, reference, 1000.0)
     holding = ad.Dynamics(arm).gravity(q[0])
-    assert ticks.tau[:10] == pytest.approx(np.zeros((10, 2)), abs=1e-12)  # a tick's length is rounded
+    assert ticks.tau[:10] == pytest.approx(np.full((10, 2), 0.5), abs=1e-12)  # a tick's length is rounded
     assert ticks.tau[10:] == pytest.approx(np.tile(holding, (len(ticks.tau) - 10, 1)), abs=1e-12)
     assert len(ticks.tau) > 10
+
+
+def test_torques_that_a_motion_has_not_are_computed():
+    """A ramp's own torques are those of inverse dynamics; a tick's mean is off by its curvature, 1e-4 of the most."""
+    arm = paper_arm("rr")
+    ramp = ad.ramp(arm, [0, 0], [1, 1], 1.0)
+    known, computed = (Ticks.of(arm, one, 1000.0).tau for one in (ramp, replace(ramp, tau=0 * ramp.tau)))
+    assert computed == pytest.approx(known, abs=5e-3 * np.max(np.abs(known)))
 
 
 def test_the_last_row_is_rest_at_the_goal(cart):
