@@ -235,7 +235,7 @@ def export(
         return judged(facts, f"[red]refused[/], not written: {escape(made.broken + more)}", usable=False)
     if preset is not None and subject is not None:
         preset = preset.fitted(subject.limits, subject.joints)
-    found = None if preset is None else check_rows(preset, samples, kind is Ros2)
+    found = None if preset is None else check_rows(preset, samples, kind)
     facts |= {} if found is None else {"controller": found.facts()}
     if found is not None and not found.ok and controller.preset is not None:
         more = "[red]not written[/]; without --preset it is, for simulations and figures"

@@ -11,7 +11,7 @@ from armdyn.cli.console import escape
 from armdyn.errors import TrajectoryError
 from armdyn.parsing.numbers import number
 from armdyn.trajectory.formats import OutputFormat, Ros2
-from armdyn.trajectory.planned import Planned
+from armdyn.trajectory.formats.streams import Stream
 from armdyn.trajectory.samples import LAST_STEP, MOST_RATE, MOST_SAMPLES
 
 if TYPE_CHECKING:
@@ -105,7 +105,9 @@ def sampled(
     made = Rows(motion.resample(wish, least), wish)
     if not isinstance(output_format, Ros2) or arm is None:
         return made
-    jtc = _controller(arm, motion.duration)
+    jtc = ad.ControllerPreset.named("ros2-jtc").fitted(arm.limits, arm.joints)
+    few = replace(jtc.chosen, rate=min(jtc.chosen.rate, MOST_SAMPLES / motion.duration))  # of ticks
+    jtc = replace(jtc, interfaces=(few,))
     own = {(row.condition, row.joint) for row in jtc.check(motion, arm.joints).offences}
 
     def judged(rows: Rows) -> Rows:
@@ -130,13 +132,6 @@ def sampled(
     return replace(first, enough=enough)
 
 
-def _controller(arm: Subject, duration: float) -> ad.ControllerPreset:
-    """The preset ros2-jtc for an arm, at a rate at which a motion of some duration [s] has few enough ticks."""
-    jtc = ad.ControllerPreset.named("ros2-jtc").fitted(arm.limits, arm.joints)
-    rate = min(jtc.chosen.rate, MOST_SAMPLES / duration)
-    return replace(jtc, interfaces=(replace(jtc.chosen, rate=rate),))
-
-
 def _said(row: ConditionCheck) -> str:
     return (
         f"between these points ros2_control's spline would take {row.joint} to {row.value:.4g} {row.unit} at t = "
@@ -153,21 +148,12 @@ def usual_rate(kind: type[OutputFormat]) -> float:
     return float(getattr(kind, "rate", DEFAULT_RATE))
 
 
-def check_rows(preset: ad.ControllerPreset, samples: ad.Samples, accelerations: bool) -> ad.ControllerCheck:
-    """Check rows that are exported.
-
-    Args:
-        preset: preset of the controller.
-        samples: the rows.
-        accelerations: whether the controller receives accelerations, too, and interpolates by quintics.
-
-    Raises:
-        ArmdynError: see `ControllerPreset.check`.
-    """
-    if accelerations:
+def check_rows(preset: ad.ControllerPreset, samples: ad.Samples, kind: type[OutputFormat]) -> ad.ControllerCheck:
+    """Check rows of a format: of a program, which sends one per tick, nothing is between them."""
+    if not issubclass(kind, Stream):
         return preset.check(samples)
-    rows = Planned(samples.t, samples.q, samples.v, None, samples.tau, "zero-order")
-    return preset.check(rows, samples.joint_names)
+    t, q, v, tau = samples.t, samples.q, samples.v, samples.tau
+    return preset.check(ad.Trajectory(t, q, v, tau, samples.joint_names, hold="zero-order"))
 
 
 def subject_of_file(file: Path) -> Subject:

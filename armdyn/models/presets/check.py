@@ -140,6 +140,9 @@ def check_points(motion: Trajectory | Samples | Planned) -> None:
 TOLERANCE = 1e-6
 """Part of a limit by which a command may exceed it, as in planned motions; between rows it is `KEPT`."""
 
+KEPT_IN_STEP = 1e-2
+"""The same where points are a tick apart: a controller in step with them commands nothing else."""
+
 REST_ACCELERATION = 1e-2
 """Acceleration at an end that counts as zero [rad/s²], where no jerk limit bounds the change in one tick."""
 
@@ -273,12 +276,13 @@ def controller_check(
     noise = 4 * commands.rounding * interface.rate**3  # of +1, -3, +3, -1, each half a step off
     if "jerk" in interface.conditions and not commands.sparse and noise > 0.1 * np.min(np.asarray(limits.jerk)):
         notes.append(f"positions are rounded to {commands.rounding:g} rad, which alone is {noise:.2g} rad/s³ of jerk")
-    rows = [
-        row
-        for condition in interface.conditions
-        if condition not in (*about_torque, *unlimited, *unknown)
-        for row in _rows(condition, limits, interface, joints, commands)
-    ]
+    checked = [name for name in interface.conditions if name not in (*about_torque, *unlimited, *unknown)]
+    if commands.between is not None and not (commands.sparse or interface.splines):
+        for name in (one for one in ("position", "velocity") if one in checked):
+            share = np.max(_between(name, limits, *commands.between)[3]) - 1
+            if KEPT < share <= KEPT_IN_STEP:
+                notes.append(f"between the points, a tick apart, a {name} limit is exceeded by {100 * share:.2g} %")
+    rows = [row for condition in checked for row in _rows(condition, limits, interface, joints, commands)]
     return ControllerCheck(preset, interface.name, interface.rate, tuple(rows), commands.interpolation, tuple(notes))
 
 
@@ -288,9 +292,10 @@ def _rows(
     """Check one condition on every joint that has a limit: its commands, and the motion between its points."""
     parts = [(*_measured(condition, limits, interface, commands), TOLERANCE)]
     if commands.between is not None and condition in ("position", "velocity"):
+        free = commands.sparse or interface.splines
         between = _between(condition, limits, *commands.between)
-        if commands.sparse or np.any(between[3] > 1 + KEPT):  # a point per tick: the commands, if the rest is tolerated
-            parts.append((*between, KEPT))
+        if free or np.any(between[3] > 1 + KEPT_IN_STEP):
+            parts.append((*between, KEPT if free else KEPT_IN_STEP))
     for i, joint in enumerate(("all joints",) if condition == "time_step" else joints):
         if not np.any(np.isfinite(parts[0][2][:, i])):
             continue

@@ -49,12 +49,14 @@ class Interface:
         rate: commands per second [Hz].
         necessary: names of the conditions whose violation stops the motion.
         recommended: names of the conditions whose violation the controller tolerates, or smooths away.
+        splines: whether the controller itself goes from point to point by polynomials, in no step with its ticks.
     """
 
     name: str
     rate: float
     necessary: tuple[str, ...] = ()
     recommended: tuple[str, ...] = ()
+    splines: bool = False
 
     @property
     def conditions(self) -> tuple[str, ...]:
@@ -228,18 +230,20 @@ def _interfaces_of(table: Table, limits: ControllerLimits, any_arm: bool) -> tup
     inner.only(COMMANDED)
     for name in inner.values:
         own = inner.table(name)
-        own.only(("rate", *KINDS))
+        own.only(("rate", "splines", *KINDS))
         if "rate" not in own.values:
             raise own.error("rate", f"{own.called('rate')} is missing: commands per second [Hz]")
         with own.at("rate"):
             rate = number(own.values["rate"], own.called("rate"), unit="Hz", sign="positive", most=MOST_RATE)
-        conditions = {}
+        conditions, splines = {}, own.values.get("splines", False)
+        if not isinstance(splines, bool):
+            raise own.error("splines", f"{own.called('splines')} is {shown(splines)}; it must be true or false")
         for kind in KINDS:
             conditions[kind] = _texts_of(own, kind)
             for condition in conditions[kind]:
                 with own.at(kind):
                     limits.expect(condition, any_arm)
-        found.append(Interface(name, rate, **conditions))
+        found.append(Interface(name, rate, **conditions, splines=splines))
     return tuple(found)
 
 

@@ -151,6 +151,7 @@ class ControllerPreset:
             written["velocity_taper"] = {key: list(row) for key, row in asdict(self.limits.taper).items()}
         written["interfaces"] = {
             one.name: {"rate": one.rate, "necessary": list(one.necessary), "recommended": list(one.recommended)}
+            | ({"splines": True} if one.splines else {})
             for one in self.interfaces
         }
         return written

@@ -18,9 +18,6 @@ if TYPE_CHECKING:
 _MOST_SECONDS = 2**31 - 1
 """Of `builtin_interfaces/msg/Duration`, whose sec is an int32."""
 
-_BETWEEN = 8
-"""Parts of a step between the points at which the spline is compared with the motion."""
-
 _FIELDS = {"positions": "q", "velocities": "v", "accelerations": "a", "effort": "tau"}
 
 HELD = "armdyn: effort held to the next point"
@@ -64,12 +61,10 @@ class Ros2(Checked):
         """
         import numpy as np
 
-        from armdyn.trajectory.interpolation import interpolated
+        from armdyn.trajectory.interpolation import between_rows
 
-        steps = samples.t[:-1, None] + np.diff(samples.t)[:, None] * np.arange(1, _BETWEEN) / _BETWEEN
-        at = np.unique(np.concatenate([steps.ravel(), np.clip(motion.t - motion.t[0], 0, samples.t[-1])]))
-        spline, _, _ = interpolated(samples.t, (samples.q, samples.v, samples.a), at)
-        off = float(np.max(np.abs(spline - motion(motion.t[0] + at).q)))
+        at, spline, _ = between_rows(samples.t, (samples.q, samples.v, samples.a))
+        off = float(np.max(np.abs(spline - motion(np.minimum(motion.t[0] + at, motion.t[-1])).q)))
         if off > self.tolerance:
             raise TrajectoryError(
                 f"between these points ros2_control's spline is up to {off:.2g} rad or m off the motion, more than "

@@ -144,6 +144,21 @@ def test_velocities_between_rows_have_one_judge():
         assert own.worst_violation.time == pytest.approx(row.time)
 
 
+def test_between_points_a_tick_apart_a_hundredth_is_tolerated_and_said():
+    """Points at 1 kHz; the command of each tick keeps 2.175 rad/s, and cubics between points may go beyond."""
+    t = np.arange(0, 0.5, 1e-3)
+    for slower, ok in ((0.005, True), (0.1, False)):
+        v = np.zeros((t.size, 7))
+        v[:, 0] = 2.175
+        q = np.tile(START, (t.size, 1)) + t[:, None] * v
+        v[100, 0] -= 2.175 * slower  # at the same positions, so that the cubics around are faster for that
+        own = replace(PANDA.chosen, necessary=("velocity",), recommended=())
+        check = replace(PANDA, interfaces=(own,)).check(Planned(t, q, v))
+        beyond = hermite(t[98:104], q[98:104, 0], v[98:104, 0]) / 2.175 - 1
+        assert check.ok is ok and ok == (beyond < 0.01) and beyond > 1e-3
+        assert any(f"a velocity limit is exceeded by {100 * beyond:.2g} %" in note for note in check.notes) == ok
+
+
 def test_the_rules_of_joint_trajectory_controller():
     robot, t = cart().with_limits(None, 2.0), np.linspace(0, 1, 11)
     x = t[:, None]
