@@ -115,16 +115,14 @@ def _proposals(found: models.UrdfRepair) -> list[str]:
 
     looked_in = mesh_folders(Path(found.source), ())
     lines = []
-    for one in found.inertias:
-        if one.link not in found.unwritten:
-            continue
-        other = "no power of ten of one entry is physical either"
+    for one in (each for each in found.inertias if each.large):
+        other = ""
         if one.power_of_ten is not None:
             key, tensor = one.power_of_ten
             value = tensor["xyz".index(key[1]), "xyz".index(key[2])]
-            other = f"{key} = {value:.4g} alone would be physical, too: --large power-of-ten writes that"
+            other = f"; a lost decimal point? {key} = {value:.4g} alone is physical, too: --large power-of-ten"
         large = "changes moments by a factor of ten or more, so that only --large nearest writes it"
-        lines.append(f"{one.link}: the nearest inertia {large}; {other}")
+        lines.append(f"{one.link}: the nearest inertia {large}{other}")
     for name, folder in found.packages.items():
         there = "is in no folder above; --package-dir DIR" if folder is None else f"is in {folder}"
         option = "" if folder is None or folder in looked_in else f"; --package-dir {folder}"

@@ -163,4 +163,7 @@ def carried_words(robot: ad.Robot) -> dict[str, str]:
         size = f", {len(body.shapes)} shape{'s' if len(body.shapes) > 1 else ''}" if body.shapes else ""
         at = f" at ({', '.join(f'{x:g}' for x in body.com)}) m" if any(body.com) else ""
         lines.append(f"{body.name} of {body.mass:g} kg{at} in the frame {robot.frame_of(body).name!r}{size}")
-    return {"tip": repr(robot.tip)} | ({"carries": "\n".join(lines)} if lines else {})
+    words = {"tip": repr(robot.tip)} | ({"carries": "\n".join(lines)} if lines else {})
+    if robot.has_dynamics and not robot.model.inertias[robot.nv].mass:
+        words["no mass"] = f"{robot.joint_names[-1]} turns a rotor alone: torques leave its links out"
+    return words

@@ -22,7 +22,7 @@ def doubts(robot: Arm) -> list[str]:
     links, found = ", ".join(massless_links(robot.model)), [] if generated else _placeholders(robot)
     if not robot.has_dynamics:
         unknown = (
-            "replay, compare and check need no torques, and mintime --kinematic plans without. --repair --density 2700 "
+            "Replay, compare and check need none, and mintime --kinematic plans without. --repair --density 2700 "
             "estimates inertias from shapes, identify measures them, --armature adds rotors"
         )
         return [f"without mass, so that torques are unknown: {links}. {unknown}", *found]
