@@ -18,7 +18,7 @@ from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.arcs.arc import runs_of
-from armdyn.optimal.landing.limit_violations import table_excesses, worst_of
+from armdyn.optimal.landing.limit_violations import proven, table_excesses, worst_of
 from armdyn.optimal.landing.rollout import Segments, expect_motion_of, replay_torques
 from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -52,6 +52,8 @@ class MotionCheck:
     Attributes:
         feasible: the motion keeps the torque, velocity and position limits, to `KEPT`.
         worst_violation: of a limit, relative to it (positions: to the range); None if none is exceeded.
+        unresolved: a torque beyond its limit by differences that the table is too coarse to prove: its rows also fit
+            torques within the limits; None if there is none.
         replay_error: distance of the replay's end from the motion's own end [rad or m]; infinite if the replay
             diverges. Large: torques and positions are inconsistent, or the samples too far apart. Of several pieces the
             worst, each from its own first state. NaN, also for the next: the arm's torques are unknown.
@@ -63,6 +65,7 @@ class MotionCheck:
 
     feasible: bool
     worst_violation: Violation | None
+    unresolved: Violation | None
     replay_error: float
     growth: float
     velocity_share: float
@@ -73,11 +76,22 @@ class MotionCheck:
         unstable = f"; unstable open loop (growth {self.growth:.2g}): other integrators end elsewhere"
         return unstable if self.growth > OPEN_LOOP_GROWTH else ""
 
+    @property
+    def limits_kept(self) -> str:
+        """Whether the limits are kept, in words."""
+        coarse = f"; more rows would show whether {self.unresolved}" if self.unresolved else ""
+        if self.worst_violation is None:
+            return f"kept{', as far as the rows show' if coarse else ''}{coarse}"
+        return f"{'kept to within 0.1 %' if self.feasible else 'BROKEN'}; worst: {self.worst_violation}{coarse}"
+
     def facts(self) -> dict[str, object]:
         """The check as JSON values; null for a replay that diverges, none of a replay without known torques."""
-        worst = None if self.worst_violation is None else str(self.worst_violation)
+        worst, open_ = (None if one is None else str(one) for one in (self.worst_violation, self.unresolved))
         replayed = () if np.isnan(self.replay_error) else ("replay_error", "growth")
-        return attributes(self, "feasible", *replayed, "velocity_share") | {"worst_violation": worst}
+        return attributes(self, "feasible", *replayed, "velocity_share") | {
+            "worst_violation": worst,
+            "unresolved": open_,
+        }
 
 
 def check_motion(
@@ -97,14 +111,16 @@ def check_motion(
     """
     _check_joints(robot, trajectory)
     limits = robot.limits if limits is None else limits
-    found = table_excesses(limits, trajectory, None if a is None else _accelerations(a, trajectory))
-    violation, bounded = worst_of(robot, found), np.isfinite(limits.velocity)
-    share = found[1].beyond[:, bounded] / limits.velocity[bounded]
+    torque, *others = table_excesses(limits, trajectory, None if a is None else _accelerations(a, trajectory))
+    shown = proven(robot, trajectory, torque)
+    violation, bounded = worst_of(robot, [shown, *others]), np.isfinite(limits.velocity)
+    share = others[0].beyond[:, bounded] / limits.velocity[bounded]
     parts = [replace(part, pieces=()) for part in trajectory.split()]
     replays = list(zip(robots_of(robot, trajectory), parts, strict=True)) if robot.has_dynamics else []
     return MotionCheck(
         feasible=violation is None or violation.value <= KEPT,
         worst_violation=violation,
+        unresolved=worst_of(robot, [torque]) if shown.share <= KEPT < torque.share else None,
         replay_error=max((_replay_error(arm, part) for arm, part in replays), default=np.nan),
         growth=max((_growth(arm, part) for arm, part in replays), default=np.nan),
         velocity_share=1 + float(np.max(share)) if share.size else 0.0,
@@ -178,14 +194,9 @@ class TimeOptimality(MotionCheck):
                 head = f"{self.duration:.4f} s, faster than the fastest motion found, {self.optimal_duration:.4f} s"
         else:
             head = f"{self.duration:.4f} s; no optimum to compare with: {self.solution.message}"
-        if self.worst_violation is None:
-            limits = "limits: kept"
-        else:
-            word = "kept to within tolerance" if self.feasible else "BROKEN"
-            limits = f"limits: {word}; worst: {self.worst_violation}"
         names = self.solution.problem.robot.joint_names
         idle = ", ".join(f"{name} {100 * part:.0f} %" for name, part in zip(names, self.idle, strict=True))
-        return f"{head}\n{limits}\nreplay error: {self.replay_error:.2g}{self.unstable}\nidle: {idle}"
+        return f"{head}\nlimits: {self.limits_kept}\nreplay error: {self.replay_error:.2g}{self.unstable}\nidle: {idle}"
 
 
 def time_optimality(
@@ -224,7 +235,8 @@ def time_optimality(
             "compare each piece by itself (trajectory.split(), armdyn export --piece), and the robot with its load"
         )
     if not np.any(trajectory.tau):  # in true free fall inverse dynamics gives zero again
-        trajectory = trajectory_from_path(robot, trajectory.t, trajectory.q, trajectory.v, name=trajectory.name)
+        speeds = None if "v" in trajectory.derived else trajectory.v
+        trajectory = trajectory_from_path(robot, trajectory.t, trajectory.q, speeds, name=trajectory.name)
     problem = MinimumTimeProblem(
         robot, q_start=trajectory.q[0], q_goal=trajectory.q[-1], v_start=trajectory.v[0], v_goal=trajectory.v[-1],
         reserve=reserve, velocity_reserve=velocity_reserve, acceleration_limit=acceleration_limit,
@@ -278,7 +290,10 @@ def trajectory_from_path(
     means = Planned(bare.t, bare.q, None if v is None else bare.v, None, None).accelerations
     given = means() if a is None else _accelerations(a, bare)
     tau = inverse_dynamics(robot)(bare.q, speeds, given) if robot.has_dynamics else rest
-    return Trajectory(bare.t, bare.q, speeds, tau, robot.joint_names, robot.marked(name), robot.model_hash)
+    derived = tuple(what for what, own in (("v", v), ("tau", a)) if own is None)
+    return Trajectory(
+        bare.t, bare.q, speeds, tau, robot.joint_names, robot.marked(name), robot.model_hash, derived=derived
+    )
 
 
 def _check_joints(robot: Robot, trajectory: Trajectory) -> None:

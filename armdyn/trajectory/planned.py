@@ -83,28 +83,18 @@ class Planned:
         """Accelerations [rad/s² or m/s²], shape (n, nv), by differences of velocities or positions.
 
         Each is a mean of the accelerations between the samples around it: where those jump, as a planner's do that goes
-        from limit to limit, it is between them, and a spline would be beyond. The first and the last are extrapolated,
-        but not beyond zero and the two nearest ones.
+        from limit to limit, it is between them, and a spline would be beyond. The first and the last are the means
+        nearest to them: no extrapolation, joint by joint, is a mean of accelerations that the motion has.
 
         Raises:
             TrajectoryError: there are fewer than three samples, or times do not increase.
         """
         check_times(self.t, [self.q], least=3)
         steps = np.diff(self.t)[:, None]
-        between = (steps[1:] + steps[:-1]) / 2
-        if self.v is None:
-            inside = known = np.diff(np.diff(self.q, axis=0) / steps, axis=0) / between
-            parts = steps[[0, -1]] / steps[[1, -2]]
-        else:
-            inside, known = np.gradient(self.v, self.t, axis=0)[1:-1], np.diff(self.v, axis=0) / steps
-            parts = steps[[0, -1]] / 2 / between[[0, -1]]
-        near, next_to = (known[[k, -1 - k]] for k in (0, min(1, len(known) - 1)))
-        first, last = np.clip(
-            near + (near - next_to) * parts,
-            np.minimum(np.minimum(near, next_to), 0),
-            np.maximum(np.maximum(near, next_to), 0),
-        )
-        return np.vstack([first, inside, last])
+        if self.v is not None:
+            return np.asarray(np.gradient(self.v, self.t, axis=0))
+        inside = np.diff(np.diff(self.q, axis=0) / steps, axis=0) / ((steps[1:] + steps[:-1]) / 2)
+        return np.vstack([inside[:1], inside, inside[-1:]])
 
 
 def read_planned(path: str | os.PathLike[str], joint_names: Sequence[str]) -> Planned:

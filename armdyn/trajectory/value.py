@@ -63,6 +63,9 @@ class Trajectory(Checked):
         pieces: parts with a model and payload of their own, in order; empty: the motion is one piece.
         ends: states that the motion was required to start and to end in, (q, v) of each, shape (2, 2, nv); NaN, or
             None: unknown. Its own first and last sample differ from them by the residual of its landing.
+        derived: names of arrays that hold no more than the others, as of a planner's table: "v" if velocities are the
+            derivative of a spline through the positions, "tau" if torques are those of accelerations by differences.
+            They are judged as far as the others show them, see `check_motion`. Not saved.
     """
 
     t: Array = checked(finite)
@@ -75,6 +78,7 @@ class Trajectory(Checked):
     hold: Hold = checked(one_of, "linear", known=HOLDS, error=TrajectoryError)
     pieces: tuple[Piece, ...] = ()
     ends: Array | None = checked(numbers, None, error=TrajectoryError)
+    derived: tuple[str, ...] = checked(names_of, ())
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
+from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.errors import ProblemError, TrajectoryError
 from armdyn.optimal.gap import TimeOptimality, check_motion, time_optimality, trajectory_from_path
 from problems import POSES, cart, paper_arm, pick_and_place, solved
@@ -143,7 +144,10 @@ def test_derivatives_that_are_not_given_come_from_the_others():
     for some in ((), (v,)):
         guessed = trajectory_from_path(robot, t, q, *some)
         np.testing.assert_allclose(guessed.v, exact.v, atol=1e-4)  # O(h³) at the ends, h = 2.5 ms
-        np.testing.assert_allclose(guessed.tau, exact.tau, atol=0.02)
+        np.testing.assert_allclose(guessed.tau[1:-1], exact.tau[1:-1], atol=0.02)
+        for end, inner in ((0, 1), (-1, -2)):  # a mean over the nearest steps: between the torques at their ends
+            low, high = np.sort([exact.tau[end], exact.tau[inner]], axis=0)
+            assert np.all((guessed.tau[end] > low - 0.02) & (guessed.tau[end] < high + 0.02))
     assert exact.joint_names == robot.joint_names
     # From limit to limit: a spline would be up to a third beyond.
     t = np.linspace(0, 1, 21)
@@ -191,3 +195,56 @@ def test_without_an_optimum_there_is_no_ratio():
     assert np.isnan(lost.ratio)
     assert not lost.feasible
     assert "no optimum" in str(lost)
+
+
+def slowed(robot, motion, factor, rate, velocities):
+    """A table of a motion whose time is scaled: positions at a rate [Hz], and perhaps velocities."""
+    t = np.append(np.arange(int(np.ceil(factor * motion.duration * rate - 1e-3))) / rate, factor * motion.duration)
+    at = motion(np.minimum(t / factor, motion.duration))
+    return trajectory_from_path(robot, t, at.q, at.v / factor if velocities else None)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("arm", ["rr", "rrr"])
+@pytest.mark.parametrize("rate", [1000, 2000, 4000, 8000])
+@pytest.mark.parametrize("velocities", [False, True])
+def test_a_motion_from_limit_to_limit_keeps_them_if_slowed_and_breaks_them_if_sped_up(arm, rate, velocities):
+    """Torques at 0.4 % from their limits, which jump between rows; and 4 % beyond."""
+    robot, motion = paper_arm(arm), solved(arm).trajectory
+    kept = check_motion(robot, slowed(robot, motion, 1.002, rate, velocities))
+    assert kept.feasible, kept.worst_violation
+    broken = check_motion(robot, slowed(robot, motion, 0.98, rate, velocities))
+    assert not broken.feasible and broken.worst_violation.constraint == "torque limit"
+    assert 0.02 < broken.worst_violation.value < 0.5
+
+
+def test_a_first_acceleration_is_not_extrapolated_joint_by_joint():
+    """Near a jump each joint's own extrapolation is of a motion that there is not."""
+    robot = paper_arm("rr")
+    t = np.linspace(0, 0.1, 11)
+    q = np.column_stack([50 * t**2, np.where(t < 0.015, -50 * t**2, 50 * (t - 0.03) ** 2 - 0.0225)])
+    table = trajectory_from_path(robot, t, q)
+    assert table.derived == ("v", "tau")
+    a = (q[2] - 2 * q[1] + q[0]) / 0.01**2  # of both joints the same three rows
+    expected = inverse_dynamics(robot)(table.q[:1], table.v[:1], a[None])[0]
+    assert table.tau[0] == pytest.approx(expected, abs=1e-9)  # rounding
+
+
+def test_a_table_too_coarse_to_tell_says_so():
+    robot, motion = paper_arm("rr"), solved("rr").trajectory
+    found = check_motion(robot, slowed(robot, motion, 1.002, 100, True))
+    assert found.feasible and found.unresolved.constraint == "torque limit"
+    assert "kept, as far as the rows show; more rows would show whether torque limit" in found.limits_kept
+    assert found.facts()["unresolved"] == str(found.unresolved)
+    exact = replace(motion, t=1.002 * motion.t, v=motion.v / 1.002)  # its own torques are judged as they are
+    assert check_motion(robot, exact).unresolved is None
+
+
+def test_positions_alone_are_judged_as_the_controller_runs_them():
+    """Straight from row to row: between rows no faster than the differences, where a spline overshoots."""
+    robot = cart().with_limits(None, 1.0)
+    t = np.linspace(0, 3, 7)
+    q = np.interp(t, [0.5, 2.5], [0.0, 2.0])[:, None]  # at once 1 m/s, at once at rest
+    assert check_motion(robot, replace(trajectory_from_path(robot, t, q), tau=np.zeros((7, 1)))).feasible
+    speeds = replace(trajectory_from_path(robot, t, q), tau=np.zeros((7, 1)), derived=())
+    assert check_motion(robot, speeds).worst_violation.constraint == "velocity limit"

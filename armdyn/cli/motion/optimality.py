@@ -111,9 +111,7 @@ def _words(found: ad.TimeOptimality) -> dict[str, str]:
     slides = solution.problem.robot.slides
     if (fastest := abs(found.trajectory.v[[0, -1]]).max()) > _AT_REST:
         words["at its ends"] = f"both move by up to {fastest:.3g} {joint_unit(slides, 'rad/s', 'm/s')}"
-    worst = found.worst_violation
-    kept = "kept" if worst is None else f"{'kept to within 0.1 %' if found.feasible else 'BROKEN'}; worst: {worst}"
-    words["limits"] = kept
+    words["limits"] = found.limits_kept
     apart = f"{found.replay_error:.2g} {joint_unit(slides)} from"
     words["replayed torques end"] = (
         f"{apart if isfinite(found.replay_error) else 'nowhere near'} its end{found.unstable}"

@@ -96,7 +96,9 @@ def motion_of(robot: ad.Robot, file: Path) -> Saved:
     _refuse_degrees(robot, file, planned.q)
     with reraised(TrajectoryError, str(file), TrajectoryError):
         motion = ad.trajectory_from_path(robot, planned.t, planned.q, planned.v, planned.a, name=file.stem)
-    motion = motion if planned.tau is None else replace(motion, tau=planned.tau, hold=planned.hold)
+    if planned.tau is not None:
+        derived = tuple(what for what in motion.derived if what != "tau")
+        motion = replace(motion, tau=planned.tau, hold=planned.hold, derived=derived)
     return Saved(file, motion, Facts(), a=None if planned.v is None else planned.a)
 
 

@@ -19,6 +19,7 @@ from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Sample, Trajectory
 from armdyn.trajectory.interpolation import between_rows, cubic
+from armdyn.trajectory.planned import Planned
 
 BETWEEN = 8
 """Number of points between samples at which velocities and positions are checked."""
@@ -73,14 +74,40 @@ def excesses(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> t
 def table_excesses(limits: JointLimits, motion: Trajectory, a: Array | None = None) -> tuple[Excess, Excess, Excess]:
     """Excesses of a table over its torque, velocity and position limits, as ros2_control runs it: see `between_rows`.
 
+    Derived velocities are not given to the controller, which then goes straight from row to row.
+
     Args:
         limits: limits to check.
         motion: the table; of the two samples of a jump the first is a row.
         a: accelerations at its samples [rad/s² or m/s²], shape (n, nv); None: the controller is not given any.
     """
     rows = np.append(True, ~motion.jumps)
-    given = [motion.q, motion.v] if a is None else [motion.q, motion.v, a]
+    given = [motion.q] if "v" in motion.derived else [motion.q, motion.v] if a is None else [motion.q, motion.v, a]
     return _excesses(limits, motion, *between_rows(motion.t[rows], [each[rows] for each in given]))
+
+
+def proven(robot: Robot, motion: Trajectory, torque: Excess) -> Excess:
+    """The part of a table's excess over the torque limits that its rows prove.
+
+    A derived torque is that of a mean acceleration over the steps around a row, in the row's state. While the torques
+    are within constant limits so is their mean, but for the change of the inertias and of the other torques over these
+    steps: that of the state, from the row before to the row after, is taken off.
+
+    Args:
+        robot: the arm.
+        motion: the table.
+        torque: its excess over the torque limits, at its samples.
+    """
+    if "tau" not in motion.derived or not robot.has_dynamics:
+        return torque
+    v = None if "v" in motion.derived else motion.v
+    a, torques = Planned(motion.t, motion.q, v).accelerations(), inverse_dynamics(robot)
+    rows, last = np.arange(motion.t.size), motion.t.size - 1
+    before, after = np.maximum(rows - 1, 0), np.minimum(rows + 1, last)
+    if v is None:  # the first and the last mean are over two steps, too
+        before[-1], after[0] = last - 2, 2
+    apart = [np.abs(torques(motion.q[k], motion.v[k], a) - motion.tau) for k in (before, after)]
+    return replace(torque, beyond=torque.beyond - np.maximum(*apart))
 
 
 def _excesses(limits: JointLimits, motion: Trajectory, t: Array, q: Array, v: Array) -> tuple[Excess, Excess, Excess]:
