@@ -19,6 +19,9 @@ from armdyn.models.reading.urdf_xml import clipped, finite_numbers
 _SINGULAR = 1e-10
 """Scaled mass matrices with a smaller eigenvalue are singular."""
 
+_NAMED = 10
+"""Largest number of links that a message names."""
+
 UNKNOWN_TORQUES = (
     "Torques are unknown without it: write it into the file, give `inertias` or `armature`, or estimate it from shapes "
     "(armdyn doctor FILE --repair --density 2700) and measure it (armdyn identify). Minimum time without torques: "
@@ -119,7 +122,7 @@ def check_inertia(model: pin.Model, source: str) -> None:
             return
         joint = int(np.argmax(np.abs(vectors[:, 0])))
         what = f"moves no inertia of its own (the mass matrix is singular to {values[0]:.1e})"
-    links = clipped(", ".join(massless_links(model)))
+    links = ", ".join(clipped(name) for name in massless_links(model)[:_NAMED])
     raise UrdfError(
         source,
         f"{what}{f'; links without mass: {links}' if links else ''}. {UNKNOWN_TORQUES}",

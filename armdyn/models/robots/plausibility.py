@@ -12,6 +12,8 @@ _BEYOND = 1.5
 """Radius of gyration over the link's size from which it is named: published arms stay below 1.2."""
 _LEAST_SIZE = 0.3
 """Least size of a link, as a part of the arm's reach: short links are wide."""
+_MOST = 7
+"""Largest number of joints that are named in a sentence, and of sentences on joints."""
 _FAST = 10.0
 """Least velocity limit that can be a placeholder [rad/s or m/s]: 1 may be meant."""
 
@@ -85,7 +87,15 @@ def _weak(robot: Arm) -> list[str]:
             if abs(q) > 1e-3
         ]
         found.append(
-            f"{robot.joint_names[j]}: {abs(torque):.3g} {unit} to be held at {', '.join(at) or 'zero'}, its limit is "
+            f"{robot.joint_names[j]}: {abs(torque):.3g} {unit} to be held at {_listed(at) or 'zero'}, its limit is "
             f"{limit:.4g} {unit}"
         )
-    return found
+    return [
+        *found[:_MOST],
+        *([f"and {len(found) - _MOST} more joints whose limits do not hold the arm"] * (len(found) > _MOST)),
+    ]
+
+
+def _listed(words: list[str]) -> str:
+    """The first of some words."""
+    return ", ".join([*words[:_MOST], *(["…"] * (len(words) > _MOST))])

@@ -53,6 +53,18 @@ def test_good_arms_give_no_doubts(name):
     assert doubts(Robot.from_spec(ArmSpec.paper("rr")) if name == "rr" else robot_named(name)) == []
 
 
+def test_few_of_many_weak_joints_are_named():
+    arms = [link("base", "")], []
+    for i in range(20):
+        own = '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
+        arms[0].append(link(f"l{i}", own))
+        limit = '<limit lower="-2" upper="2" effort="0.3" velocity="3"/>'
+        inside = f'<origin xyz="0 0 0.2"/><axis xyz="0 {i % 2} {1 - i % 2}"/>{limit}'
+        arms[1].append(joint(f"j{i}", f"l{i - 1}" if i else "base", f"l{i}", inside=inside))
+    found = doubts(Robot.from_urdf_string(urdf(*arms[0], *arms[1])))
+    assert len(found) == 8 and found[-1].startswith("and ") and all(len(said) < 300 for said in found)
+
+
 def test_friction_holds_an_arm():
     (said,) = doubts(arm(8))
     needed = float(re.search(r"([\d.]+) N m to be", said)[1])
