@@ -168,12 +168,14 @@ def joined(first: Trajectory, second: Trajectory, tolerance: float) -> Trajector
 
 
 def _ends(first: Trajectory, last: Trajectory) -> Array | None:
-    """Start of the first motion's `ends`, and end of the last one's."""
-    if first.ends is None and last.ends is None:
-        return None
-    unknown = np.full((2, 2, first.v.shape[1]), np.nan)
-    start, end = (unknown if one.ends is None else one.ends for one in (first, last))
-    return np.stack([start[0], end[1]])
+    """Start of the first motion's `ends`, and end of the last one's; None: both unknown."""
+    known = np.stack([_known(first)[0], _known(last)[1]])
+    return None if np.all(np.isnan(known)) else known
+
+
+def _known(motion: Trajectory) -> Array:
+    """`ends` of a motion, NaN where unknown, shape (2, 2, nv)."""
+    return np.full((2, 2, motion.v.shape[1]), np.nan) if motion.ends is None else motion.ends
 
 
 def _common_names(first: Trajectory, second: Trajectory, tolerance: float) -> tuple[str, ...]:
@@ -278,7 +280,11 @@ def split(motion: Trajectory) -> tuple[Trajectory, ...]:
     if not motion.pieces:
         return (motion,)
     ends = [*(one.start for one in motion.pieces[1:]), float(motion.t[-1])]
-    return tuple(
+    parts = [
         replace(cut(motion, one.start, end), name=one.name or motion.name)
         for one, end in zip(motion.pieces, ends, strict=True)
-    )
+    ]
+    for k, after in enumerate(parts[1:] if motion.q.shape == motion.v.shape else ()):
+        required = np.stack([_known(parts[k])[0], [after.q[0], after.v[0]]])  # a piece ends where the next one starts
+        parts[k] = replace(parts[k], ends=required)
+    return tuple(parts)

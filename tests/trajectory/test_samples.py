@@ -133,6 +133,15 @@ def test_ends_stay_with_a_motion(tmp_path):
         replace(motion, ends=[[0.0], [1.0]])
 
 
+def test_a_piece_ends_where_the_next_one_starts():
+    residual = Trajectory([0.0, 0.5, 1.0], [[0.0], [0.5], [1 - 3e-6]], [[0.0], [2.0], [2e-3]], np.ones((3, 1)))
+    whole = residual.as_piece(name="there").join(Trajectory.at_rest([1.0], [0.0], 0.1).as_piece(name="stay"), 0.01)
+    there, stay = whole.split()
+    last = there.resample(100)
+    assert (last.q[-1, 0], last.v[-1, 0], last.a[-1, 0]) == (1, 0, 0) and there.v[-1, 0] == 2e-3
+    assert stay.ends is None and there.join(stay, 0.01).ends is None
+
+
 def test_a_solution_rests_exactly_at_its_goal():
     solution = solved("rr")
     assert np.any(solution.trajectory.v[-1])  # the residual of its landing stays in the motion
