@@ -10,14 +10,15 @@ from pathlib import Path
 import armdyn as ad
 from armdyn.arguments import one_of, shown
 from armdyn.cli.console import Answer, done, escape, judged
-from armdyn.cli.invocation import flag_of
+from armdyn.cli.invocation import flag_of, is_given
 from armdyn.cli.motion.check import check_shown
 from armdyn.cli.options.groups import Numbers, argument, flag, given, group, option
 from armdyn.cli.options.path_constraints import PresetOptions
+from armdyn.cli.options.results import ALIKE, probed_file
 from armdyn.cli.options.robot import PartOptions
 from armdyn.cli.sampling import check_rows, sampled, subject_of_file, usual_rate
 from armdyn.errors import ArmdynWarning, ProblemError
-from armdyn.files import probe_folder, write_whole
+from armdyn.files import write_whole
 from armdyn.trajectory.formats import FORMATS, Mujoco, OutputFormat, Ros2
 
 KINDS = "|".join(FORMATS)
@@ -36,17 +37,19 @@ class RowOptions:
         "Rows per second; own: the motion's own samples. By default the preset's; else 500 of urscript and ur-rtde, "
         "4000 with --model, and 1000 otherwise.",
     )
-    out: Path | None = option("DIR", "Folder for the written file. By default that of FILE.")
+    out: Path | None = option("FILE|DIR", "The written file, or its folder. By default the folder of FILE.")
     piece: int | None = option("N", "Only this piece of a motion of several pieces, from 1 on.")
 
     @property
     def kind(self) -> type[OutputFormat]:
-        """The format.
+        """The format: --format, else that of the ending of --out, else a table.
 
         Raises:
             ProblemError: no format has that name.
         """
-        return FORMATS[one_of(self.format, tuple(FORMATS), "--format")]
+        own = self.out.suffix.lower() if self.out and not is_given("format") else ""
+        named = [kind for kind in FORMATS.values() if kind.suffix in (own, ALIKE.get(own))]
+        return named[0] if len(named) == 1 else FORMATS[one_of(self.format, tuple(FORMATS), "--format")]
 
     def motion(self, file: Path) -> ad.Trajectory:
         """The motion of a file, or the piece of a number.
@@ -69,7 +72,7 @@ class RowOptions:
             ArmdynError: it cannot be written.
         """
         name = file.with_suffix(self.kind.suffix).name
-        return probe_folder(self.out or file.parent, name) / name
+        return probed_file(self.out, file.parent, name)
 
 
 @group()

@@ -117,17 +117,17 @@ def identify(
             raise ProblemError(f"{flag_of(of_logs[0])} is of an identification: give a LOG")
         scene.expect_bodies()
         sought = ad.ExcitingOptions(what=what, **scene.scene_arguments(arm), preset=controller.read())
-        return _write_motion(arm, options.exciting, sought, output.folder("identify", robot.robot, [_MOTION]))
+        return _write_motion(arm, options.exciting, sought, output.file("identify", robot.robot, _MOTION))
     folder = output.folder("identify", robot.robot, [_FILE, _REPORT, "result.json"])
     made = _identify(arm, logs or (), options, folder)
     return replace(made, then=[then[0], str(folder / _FILE), *then[1:]]) if then and made.code == DONE else made
 
 
-def _write_motion(arm: ad.Robot, duration: float, sought: ad.ExcitingOptions, folder: Path) -> Answer:
+def _write_motion(arm: ad.Robot, duration: float, sought: ad.ExcitingOptions, target: Path) -> Answer:
     with working(f"exciting motion of {arm.name}"):
         motion = ad.exciting_motion(arm, duration, sought)
-    folder.mkdir(parents=True, exist_ok=True)
-    file = motion.save(folder / _MOTION)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    file = motion.save(target)
     said = f"{escape(str(file))}  ({motion.duration:g} s, from rest to rest)"
     return done("written", {"robot": arm.name, "duration": motion.duration}, said, files=[file])
 

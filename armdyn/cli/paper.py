@@ -9,8 +9,9 @@ from armdyn.arguments import one_of
 from armdyn.cli.console import DONE, NOT_USABLE, Answer, console, done, escape, interrupted, progress_bar, table
 from armdyn.cli.invocation import option_value
 from armdyn.cli.options.groups import argument, flag, option
+from armdyn.cli.options.results import probed_file, probed_folder
 from armdyn.control.tracking.arrival import ARRIVAL_RULES
-from armdyn.files import probe_folder, write_whole
+from armdyn.files import write_whole
 from armdyn.parsing.numbers import numbers
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ def reproduce(
     from armdyn.paper.reproduce import reproduce as carry_out
 
     plan, count = _plan(only or (), payload or (), arrival_rule, fresh), 0
+    probed_folder(out, out, "index.html")
     try:
         with progress_bar("reproduce", len(plan.cases())) as bar:
 
@@ -95,7 +97,7 @@ def _print_examples(outcomes: "Sequence[Outcome]", plan: "Plan", out: Path) -> N
 def urdf(
     arm: str = argument("ARM", "r, rr or rrr."),
     payload: float = option("KG", "Point mass at the tip \\[kg].", default=0.0),
-    out: Path | None = option("DIR", "Write a file there instead of printing."),
+    out: Path | None = option("FILE|DIR", "Write a file instead of printing, of that name or in that folder."),
 ) -> Answer:
     """The URDF of one of the paper's arms, with its payload as a link at the tip.
 
@@ -108,8 +110,9 @@ def urdf(
     load = Payload(mass=payload)
     text = urdf_from_spec(spec, load)
     if out is not None:
-        probe_folder(out, urdf_file_name(spec, load)).mkdir(parents=True, exist_ok=True)
-        path = write_whole(out / urdf_file_name(spec, load), text.encode())
+        target = probed_file(out, Path(), urdf_file_name(spec, load))
+        target.parent.mkdir(parents=True, exist_ok=True)
+        path = write_whole(target, text.encode())
         return done("written", {}, escape(str(path)), files=[path])
     if not option_value("json"):
         sys.stdout.write(text)

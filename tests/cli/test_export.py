@@ -187,3 +187,25 @@ def test_a_program_has_the_rate_of_its_controller(tmp_path):
     program = ("export", "m.npz", "--format", "urscript", "--json")
     assert answer(run_here(*program, "--preset", "ur5", cwd=tmp_path))["rate"] == 125  # a CB3 has no other
     assert answer(run_here(*program, "--preset", "ur5e", cwd=tmp_path))["rate"] == 500
+
+
+def test_out_with_the_name_of_a_file_is_that_file(here):
+    """It was a folder of that name: motion.yaml/trajectory.json."""
+    out = ("export", "trajectory.npz", "--json", "--out")
+    assert answer(run_here(*out, "motion.yaml", "--format", "ros2", cwd=here))["files"] == ["motion.yaml"]
+    assert answer(run_here(*out, "new/motion.yml", cwd=here))["files"] == ["new/motion.yml"]  # the format by its ending
+    assert set(json.loads((here / "motion.yaml").read_text())) == {"header", "joint_names", "points"}
+    message = answer(run_here(*out, "motion.csv", "--format", "ros2", cwd=here), 2)["message"]
+    assert message.startswith("motion.csv: ends in .csv, but a .json file would be written")
+    assert answer(run_here(*out, "run.2026", cwd=here))["files"] == ["run.2026/trajectory.csv"]
+    (here / "old.csv").mkdir()
+    assert answer(run_here(*out, "old.csv", cwd=here))["files"] == ["old.csv/trajectory.csv"]
+
+
+def test_a_command_of_several_files_refuses_the_name_of_one(here):
+    for command in (("mintime", "rr"), ("pid", "rr"), ("reproduce",)):
+        message = answer(run_here(*command, "--out", "motion.html", "--json", cwd=here), 2)["message"]
+        assert message.startswith("motion.html: has the name of a file, but this command writes "), command
+    assert not (here / "motion.html").exists()
+    file = answer(run_here("urdf", "rr", "--out", "my.urdf", "--json", cwd=here))["files"]
+    assert file == ["my.urdf"] and (here / "my.urdf").read_text().startswith("<")

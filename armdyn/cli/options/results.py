@@ -13,32 +13,102 @@ import armdyn as ad
 from armdyn.cli import interrupts
 from armdyn.cli.invocation import invocation
 from armdyn.cli.options.groups import flag, group, option
+from armdyn.errors import FileError
 from armdyn.files import probe_folder
 
 if TYPE_CHECKING:
     from armdyn.models.scene.obstacles import Obstacle
 
 
+_ENDINGS = frozenset(
+    (
+        ".csv",
+        ".json",
+        ".yaml",
+        ".yml",
+        ".xml",
+        ".py",
+        ".script",
+        ".npz",
+        ".html",
+        ".toml",
+        ".urdf",
+        ".png",
+        ".pdf",
+        ".svg",
+    )
+)
+"""Endings of files that commands write: a value of --out with one of them names a file, not a folder."""
+ALIKE = {".yaml": ".json", ".yml": ".json"}
+"""Endings of which the file is one of the other's, too: JSON is YAML."""
+
+
+def probed_folder(out: Path | None, default: Path, *files: str) -> Path:
+    """Folder of --out, else the default; checked before the work begins.
+
+    Args:
+        out: value of --out.
+        default: folder without it.
+        files: names of the files to be written there.
+
+    Raises:
+        FileError: that cannot be written there, or `out` has the name of a file.
+        DiskFullError: there is no room.
+    """
+    if out is not None and out.suffix.lower() in _ENDINGS and not out.is_dir():
+        several = f"this command writes {', '.join(files[:3])}{' …' if len(files) > 3 else ''} into the folder of --out"
+        raise FileError(out, f"has the name of a file, but {several}: give a folder")
+    return probe_folder(default if out is None else out, *files)
+
+
+def probed_file(out: Path | None, default: Path, name: str) -> Path:
+    """File of a command that writes a single one: --out names it by its ending, or else its folder.
+
+    Args:
+        out: value of --out.
+        default: folder without it.
+        name: of the file in a folder.
+
+    Raises:
+        FileError: it cannot be written, or its ending is that of another format.
+        DiskFullError: there is no room.
+    """
+    ending = "" if out is None else out.suffix.lower()
+    if out is None or ending not in _ENDINGS or out.is_dir():
+        return probed_folder(out, default, name) / name
+    if (own := Path(name).suffix) not in (ending, ALIKE.get(ending)):
+        raise FileError(out, f"ends in {ending}, but a {own} file would be written: give that ending, or a folder")
+    return probe_folder(out.parent, out.name) / out.name
+
+
 @group()
 class OutputOptions:
     """Folder of the results."""
 
-    out: Path | None = option("DIR", "Folder for the results. By default results/COMMAND-ROBOT.")
+    out: Path | None = option(
+        "DIR",
+        "Folder for the results, by default results/COMMAND-ROBOT; of a command that writes one file also its name.",
+    )
 
     def folder(self, command: str, name: str, files: Iterable[str] = ()) -> Path:
-        """The requested folder, else results/COMMAND-ROBOT; checked before the work begins.
+        """The requested folder, else results/COMMAND-ROBOT; see `probed_folder`.
 
         Args:
             command: its name.
             name: of the robot.
             files: names of the files to be written there.
-
-        Raises:
-            FileError: that cannot be written there.
-            DiskFullError: there is no room.
         """
-        slug = re.sub(r"[^\w.-]+", "_", Path(name).stem) or "robot"
-        return probe_folder(self.out or Path("results") / f"{command}-{slug}", *files)
+        return probed_folder(self.out, _usual(command, name), *files)
+
+    def file(self, command: str, name: str, file: str) -> Path:
+        """The one file of a command; see `probed_file`. Arguments as of `folder`."""
+        return probed_file(self.out, _usual(command, name), file)
+
+
+def _usual(command: str, name: str) -> Path:
+    """Folder of a command's results without --out."""
+    slug = re.sub(r"[^\w.-]+", "_", Path(name).stem) or "robot"
+    return Path("results") / f"{command}-{slug}"
 
 
 @group()

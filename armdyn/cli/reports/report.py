@@ -74,12 +74,13 @@ def report(shown: ShownOptions, output: OutputOptions) -> Answer:
     subject, moves = shown.read()
     title = moves[0].facts.text("title") if len(results) == 1 else ""
     folder = results[0] if results[0].is_dir() else results[0].parent
-    folder = output.folder("report", subject.name, ["report.html"]) if len(results) > 1 or output.out else folder
+    several = len(results) > 1 or output.out
+    target = output.file("report", subject.name, "report.html") if several else folder / "report.html"
     from armdyn.show.page.report import report_of, write_page
 
     with working(f"report of {subject.name}"):
-        folder.mkdir(parents=True, exist_ok=True)
-        page = write_page(folder / "report.html", report_of(subject, moves, title, end))
+        target.parent.mkdir(parents=True, exist_ok=True)
+        page = write_page(target, report_of(subject, moves, title, end))
     return _page_answer(page, {"robot": subject.name})
 
 
@@ -109,11 +110,11 @@ def replay(
 
     spec = SubjectSpec(robot=robot.robot, part=robot.part, payload=payload.carried())
     subject, moves = read_moves(trajectories, spec)
-    folder = output.folder("replay", robot.robot, ["replay.html"])
-    folder.mkdir(parents=True, exist_ok=True)
+    target = output.file("replay", robot.robot, "replay.html")
+    target.parent.mkdir(parents=True, exist_ok=True)
     with working(f"replay of {subject.name}"):
         shown = report_of(subject, moves[: len(trajectories)], replay=Replay(slow_motion=slow_motion))
-        page = write_page(folder / "replay.html", shown)
+        page = write_page(target, shown)
     return _page_answer(page, {})
 
 
