@@ -53,7 +53,8 @@ def check(
     The motion becomes commands at the controller's rate: between its points straight lines where it has positions only,
     cubics with velocities, quintics with accelerations, as in ros2_control's joint_trajectory_controller. Positions and
     velocities are checked all along; velocity, acceleration and jerk are backward differences of the commands, too, as
-    in libfranka; before and after the motion the arm rests. Each condition is checked on each joint.
+    in libfranka; before and after the motion the arm rests, or goes on with the velocity that a motion of armdyn was to
+    have there. Each condition is checked on each joint.
 
     The preset ros2-jtc has the rules of joint_trajectory_controller itself, for any arm; --robot adds the arm's limits.
 

@@ -25,7 +25,7 @@ REST = 3
 
 @dataclass(frozen=True, eq=False)
 class Commands:
-    """Commands of a motion at a controller's ticks; the arm rests before it and after it.
+    """Commands of a motion at a controller's ticks; before and after it the arm rests, or goes on with its velocity.
 
     Attributes:
         t: times of the ticks [s], shape (n,); the `REST` ticks before and after the motion have the times of its ends.
@@ -81,7 +81,9 @@ def commands_of(motion: Trajectory | Samples | Planned, rate: float, present: Ar
         given += [] if motion.v is None else [motion.v] if motion.a is None else [motion.v, motion.a]
         tau = None if motion.tau is None else _torques(motion, motion.tau, at)
     q, v, _ = interpolated(t, given, at)
-    v[(ticks < start) | (ticks > end)] = 0
+    beyond = (ticks - at)[:, None]
+    going = np.where(beyond < 0, *_going(motion))
+    q, v = q + beyond * going, np.where(beyond != 0, going, v)
     if len(given) == 1:
         ends = _differences(t, motion.q)
     else:
@@ -95,6 +97,17 @@ def commands_of(motion: Trajectory | Samples | Planned, rate: float, present: Ar
         least=(float(steps[shortest]), float(t[shortest])),
         away=None if present is None else motion.q[0] - present,
     )  # fmt: skip
+
+
+def _going(motion: Trajectory | Samples | Planned) -> Array:
+    """Velocities that a motion was to start and to end with [rad/s], shape (2, nv), at which the commands go on.
+
+    They are zero of other planners' motions: one that moves at its end is cut off.
+    """
+    if isinstance(motion, Samples):
+        return motion.v[[0, -1]]
+    asked = motion.ends[:, 1] if isinstance(motion, Trajectory) and motion.ends is not None else np.zeros(1)
+    return np.nan_to_num(np.broadcast_to(asked, (2, motion.q.shape[1])))
 
 
 def _torques(motion: Samples | Planned, tau: Array, at: Array) -> Array:

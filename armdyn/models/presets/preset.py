@@ -248,7 +248,7 @@ class ControllerPreset:
 
         Between its points a motion is interpolated as ros2_control's joint_trajectory_controller does: linear if it
         has positions only, cubic with velocities, quintic with accelerations; positions and velocities are checked all
-        along. The arm rests before and after it.
+        along. Before and after it the arm rests, or goes on with the velocity that the motion was to have there.
 
         Args:
             motion: a trajectory, its samples, or another planner's motion as `armdyn.trajectory.planned.read_planned`

@@ -335,3 +335,23 @@ def test_facts_are_json():
     assert facts["accepted"] is False and facts["rate"] == 1000
     assert {"condition", "joint", "value", "limit", "first"} <= set(facts["conditions"][0])
     json.dumps(facts, allow_nan=False)
+
+
+@pytest.mark.parametrize("end", [0, -1])
+def test_a_motion_in_flight_goes_on_at_its_end(end):
+    """A ramp cut where it moves, at constant acceleration of at most 0.5 rad/s²: commands go on with its velocity."""
+    t = np.linspace(0, 1.0, 1001)
+    run = 0.25 * t[:, None] ** 2 * np.linspace(1, -1, 7)  # from rest to 0.5 rad/s
+    speed = 0.5 * t[:, None] * np.linspace(1, -1, 7)
+    q, v = (START + run, speed) if end else (START + run[::-1], -speed[::-1])
+    ends = np.array([[q[0], v[0]], [q[-1], v[-1]]])
+    motion = ad.Trajectory(t, q, v, np.zeros_like(q), ends=ends)
+    for one in (motion, motion.resample(1000), motion.resample(250)):
+        found = PANDA.without("jerk", "zero_acceleration").check(one)
+        assert found.ok and {row.condition for row in found.offences} == {"zero_velocity"}
+        assert abs(rows(found, "acceleration")["joint1"].value) < 1  # of quintics; a stop within a tick has 500
+    # A motion that was to rest there, and does not, is stopped within a tick, and so is one of another planner.
+    ends = ends.copy()
+    ends[:, 1] = 0
+    for one in (replace(motion, ends=ends), replace(motion, ends=None), Planned(t, q, v)):
+        assert "acceleration" in {row.condition for row in PANDA.check(one).offences if row.necessary}
