@@ -45,6 +45,30 @@ def test_sampling_that_makes_it_unstable_is_named(tmp_path):
     assert output["success"] and "stability" not in output
 
 
+@pytest.mark.slow
+def test_a_run_that_fails_names_its_gains_and_tune(tmp_path):
+    pid = ("--controller", "pid", "--gains", "30,50,10")
+    for command, given in {
+        ("track", "rr", "--ramp", "0.4", *pid): "--gains 30,50,10 --form torque; armdyn tune ROBOT --controller pid",
+        (
+            "track",
+            "rr",
+            "--ramp",
+            "0.4",
+            "--weights",
+            "1,0,0",
+            "--duration",
+            "0.5",
+        ): "--weights 1,0,0; armdyn tune ROBOT",
+        ("pid", "rr", "--gains", "3,5,1", "--duration", "1"): "--gains 3,5,1 --form acceleration; armdyn tune ROBOT",
+    }.items():
+        done = run_here(*command, *BARE, "--out", tmp_path)
+        assert done.returncode == 3
+        assert given in " ".join(done.stdout.split())
+    many = ("monte-carlo", "rr", "--ramp", "0.4", *pid, "--count", "2", "--start-error", "0.01", "--no-figure")
+    assert "in force --gains 30,50,10" in " ".join(run_here(*many, "--out", tmp_path / "many").stdout.split())
+
+
 def test_a_saved_motion(tmp_path):
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
     motion = ad.ramp(robot, [0.0, 0.0], [0.3, 0.2], 0.3)

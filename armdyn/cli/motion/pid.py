@@ -9,6 +9,7 @@ from armdyn.cli.options.groups import Numbers, group, option
 from armdyn.cli.options.joints import friction_facts, friction_words
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.task import ArmOptions
+from armdyn.cli.tracking.controllers import in_force
 from armdyn.control.tracking.arrival import ARRIVAL_RULES
 from armdyn.errors import ProblemError
 
@@ -66,7 +67,8 @@ def pid(task: ArmOptions, loop: PidLoopOptions, results: ResultOptions) -> Answe
         title = f"{arm.name}{carried}: PID loop"
         written = results.write(folder, arm, {"trajectory": run.trajectory}, summary, title, progress=progress)
     facts = {"robot": arm.name, **friction_facts(arm), **summary}
-    words = facts_table(f"{arm.name}: PID loop", friction_words(arm) | _words(run) | written.words)
+    failing = in_force("pid", gains, loop.form) if run.arrival_time is None else {}
+    words = facts_table(f"{arm.name}: PID loop", friction_words(arm) | _words(run) | failing | written.words)
     return judged(facts, words, usable=run.arrival_time is not None, files=written.files)
 
 

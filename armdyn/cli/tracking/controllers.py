@@ -23,6 +23,13 @@ def option_of(controller: str) -> str:
     return _OPTIONS.get(controller, "gains")
 
 
+def in_force(controller: str, numbers: Sequence[float], form: str | None) -> dict[str, str]:
+    """Row of a table of a loop that failed: its controller's numbers, and the command that searches for others."""
+    forms = f" --form {form}" if form else ""
+    given = f"--{option_of(controller)} {','.join(f'{x:g}' for x in numbers)}{forms}"
+    return {"in force": f"{given}; armdyn tune ROBOT --controller {controller}{forms} searches for others"}
+
+
 @group("Controller")
 class ControllerOptions:
     """The controller; see `Lqr`, `ComputedTorque` and `Pid`."""
@@ -58,6 +65,14 @@ class ControllerOptions:
             expected = ",".join(kind.settings).upper()
             raise ProblemError(f"--controller {self.controller} needs --{own} {expected}, such as 30,50,1 for pid")
         return kind.make() if given is None else kind.of(given, f"--{own}")
+
+    def in_force(self) -> dict[str, str]:
+        """Row of a table, of a run that did not settle."""
+        from armdyn.control.laws.registry import CONTROLLERS
+
+        kind, numbers = CONTROLLERS[self.controller], getattr(self, option_of(self.controller))
+        numbers = numbers or [getattr(kind.make(), name) for name in kind.settings]
+        return in_force(self.controller, numbers, self.form or ("torque" if kind.forms else None))
 
 
 @group("Loop")

@@ -137,8 +137,10 @@ def monte_carlo(
             folder, found, replace(motion, model_hash=model.model_hash), summary, figure=not results.no_figure
         )
     title = f"{model.name}: {options.count} arms with {controller.controller}"
-    words = facts_table(title, _words(found, within, motion) | {"results": str(folder)})
-    enough = study.at_least is None or found.success(within).rate >= study.at_least
+    settled = found.success(within)
+    enough = study.at_least is None or settled.rate >= study.at_least
+    failing = {} if enough and settled.settled else controller.in_force()
+    words = facts_table(title, _words(found, within, motion) | failing | {"results": str(folder)})
     return judged(summary, words, usable=True, as_required=enough, files=files)
 
 

@@ -112,7 +112,7 @@ def track(
         end = None if run.settled_time is None else 1.2 * max(run.settled_time, motion.duration)
         motions = {"trajectory": until(run.trajectory, end), "reference": followed}
         written = results.write(folder, real, motions, summary, title, progress=progress)
-    words = friction_words(real) | _words(run, motion) | written.words
+    words = friction_words(real) | _words(run, motion) | ({} if run.settled else controller.in_force()) | written.words
     shown = facts_table(f"{arm.name}: tracking with {controller.controller}", words)
     return judged(summary, shown, usable=run.settled, files=written.files)
 

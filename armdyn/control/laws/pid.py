@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -76,6 +76,7 @@ class Pid(Checked):
     The torque depends on `form`: "torque", tau = u; "acceleration", tau = D(q) u;
     "computed_torque", tau = D(q) u + C(q, v) v + g(q) + tau_f(v). With a reference at rest at the goal, without
     feedforward and gravity, in `Loop.ideal()`, "acceleration" is the loop of eq. (24); `simulate_pid` runs it.
+    `Pid(60, 100, 12)` is `Pid(PidGains(60, 100, 12))`.
 
     Attributes:
         gains: see `PidGains`; u is an acceleration with the forms "acceleration" and "computed_torque", a torque with
@@ -89,12 +90,18 @@ class Pid(Checked):
         ProblemError: no gains, unknown form, a switch neither True nor False; gravity with "computed_torque".
     """
 
-    gains: PidGains = checked(expect, DEFAULT_GAINS, kind=PidGains, hint="PidGains(kp=…, ki=…, kd=…)")
+    gains: PidGains = checked(
+        expect, DEFAULT_GAINS, kind=PidGains, hint="PidGains(kp=…, ki=…, kd=…); or Pid(kp, ki, kd)"
+    )
     form: Form = checked(one_of, "torque", known=FORMS)
     feedforward: bool = checked(flag, True)
     gravity: bool = checked(flag, False)
 
     def __post_init__(self) -> None:
+        three: tuple[Any, Any, Any] = (self.gains, self.form, self.feedforward)
+        if not isinstance(three[0], PidGains) and not isinstance(three[1], str) and three[2] is not True:
+            for name, value in (("gains", PidGains(*three)), ("form", "torque"), ("feedforward", True)):
+                object.__setattr__(self, name, value)
         super().__post_init__()
         if self.gravity and self.form == "computed_torque":
             raise ProblemError('gravity=True is for the other forms: form="computed_torque" compensates gravity itself')

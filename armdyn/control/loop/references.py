@@ -127,7 +127,7 @@ def ramp(robot: Robot, q_start: ArrayLike, q_goal: ArrayLike, duration: float) -
 
 
 def set_point(robot: Robot, q_goal: ArrayLike, duration: float = _INSTANT) -> Trajectory:
-    """A reference that rests at a pose: `track` goes there at once from its `q_start`.
+    """A reference that rests at a pose: `track` goes there at once from its `q_start`, and without one holds the arm.
 
     Args:
         robot: that is held there.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 from fractions import Fraction
 from itertools import pairwise
 from typing import Literal
@@ -26,6 +27,9 @@ Remedy = Literal["", "leading zero", "zero row"]
   symmetrically about the origin. Its derivative takes the row's place (Gantmacher, The Theory of Matrices, vol. 2,
   chapter XV, section 4).
 """
+
+_MOST, _MOST_WORK = 100, 800_000
+"""Coefficients, and these times all their binary digits: the table takes some seconds, which grow with the square."""
 
 
 @brief
@@ -71,7 +75,7 @@ class RouthTable:
         lines = ["| power | " + " | ".join([f"column {k + 1}" for k in range(width)] + ["remedy"]) + " |"]
         lines.append("|---|" + "---:|" * width + "---|")
         for power, (row, remedy) in enumerate(zip(self.rows, self.remedies, strict=True)):
-            cells = [f"{float(x):.6g}" for x in row] + [""] * (width - len(row))
+            cells = [f"{_printable(x):.6g}" for x in row] + [""] * (width - len(row))
             lines.append(f"| s^{len(self.rows) - 1 - power} | {' | '.join(cells)} | {remedy} |")
         return "\n".join(lines)
 
@@ -86,14 +90,20 @@ def routh_table(polynomial: ArrayLike | Sequence[Fraction]) -> RouthTable:
         polynomial: coefficients, highest power first, as floats, integers or fractions; zeros that lead are left out.
 
     Raises:
-        ProblemError: it is no list of finite numbers, or all of them are zero.
+        ProblemError: it is no list of finite numbers, all of them are zero, or they are too many for fractions of so
+            many digits.
     """
     exact = _exact(polynomial)
     while exact and exact[0] == 0:
         exact = exact[1:]
     if not exact:
         raise ProblemError(f"polynomial is {shown(polynomial)}; one coefficient at least must not be zero")
-    degree = len(exact) - 1
+    degree, bits = len(exact) - 1, sum(x.numerator.bit_length() + x.denominator.bit_length() for x in exact)
+    if degree >= _MOST or len(exact) * bits > _MOST_WORK:
+        raise ProblemError(
+            f"polynomial has {len(exact)} coefficients with {bits} binary digits in all, and its table in fractions "
+            f"would take too long; expected at most {_MOST} coefficients, and fewer with so many digits"
+        )
     rows: list[tuple[Fraction, ...]] = []
     remedies: list[Remedy] = []
     for k in range(degree + 1):
@@ -162,6 +172,11 @@ def _without_leading_zeros(row: list[Fraction]) -> list[Fraction]:
     p = next(j for j, x in enumerate(row) if x)
     moved = [*row[p:], *[Fraction(0)] * p]
     return [x + (-1) ** p * y for x, y in zip(row, moved, strict=True)]
+
+
+def _printable(x: Fraction) -> float | Decimal:
+    """The number, also beyond the range of floats."""
+    return float(x) if x == 0 or 1e-300 < abs(x) < 1e300 else Decimal(x.numerator) / x.denominator
 
 
 def _changes(column: Sequence[Fraction]) -> int:

@@ -28,11 +28,11 @@ _RATE = 1000.0
 
 def simulate_pid(
     robot: Robot,
-    *,
     q_start: ArrayLike | str,
     q_goal: ArrayLike | str,
-    v_start: ArrayLike | None = None,
     gains: PidGains = DEFAULT_GAINS,
+    *,
+    v_start: ArrayLike | None = None,
     duration: float = 10.0,
     form: Form = "acceleration",
     saturate: bool | None = None,
@@ -50,8 +50,9 @@ def simulate_pid(
         robot: an arm.
         q_start: [rad or m], shape (nv,), or the name of one of `robot.poses`.
         q_goal: likewise.
-        v_start: [rad/s or m/s], shape (nv,); None: at rest.
         gains: see `PidGains`; by default `DEFAULT_GAINS`, which suit "computed_torque" and may not suit other forms.
+            The message says so of a run with them that does not arrive.
+        v_start: [rad/s or m/s], shape (nv,); None: at rest.
         duration: of the simulation [s].
         form: see `Form`.
         saturate: clip torques at the effort limits, and halt the integral of a joint whose torque is clipped and whose
@@ -77,6 +78,10 @@ def simulate_pid(
         duration=seconds, tolerance=arrival.tolerance, q_start=start, v_start=v_start,
     )  # fmt: skip
     run = _arrived(setup.run(robot, name=f"PID ({form.replace('_', ' ')})"), goal, arrival, growth)
+    if run.arrival_time is None and gains is DEFAULT_GAINS:
+        run = replace(
+            run, message=f"{run.message}; the gains are the default {gains}, which may not suit form {form!r}"
+        )
     if saturate and (weak := _unholdable(robot, goal)):
         weakness = f"the effort limit of {', '.join(weak)} does not hold the arm at the goal"
         run = replace(run, message=f"{run.message}; {weakness}")

@@ -270,7 +270,8 @@ def track(
         loop: connection of controller and arm.
         duration: simulated time [s]; if the reference takes longer, its duration and a second.
         tolerance: of a joint's distance from the goal, to be settled [rad or m].
-        q_start: where the arm stands at the beginning [rad or m], shape (nv,); None: where the reference begins.
+        q_start: where the arm stands at the beginning [rad or m], shape (nv,); None: where the reference begins. Of a
+            `set_point` that is the goal: the arm is held there, and the message says so.
 
     Returns:
         The run. Its message names the velocity and position limits that it exceeded; of a run that did not settle also
@@ -282,6 +283,14 @@ def track(
     setup = Setup.of(robot, reference, controller, loop, duration=duration, tolerance=tolerance, q_start=q_start)
     plants = _plants(setup.robots, reference, robot, plant)
     run = setup.run(plants, name=f"tracked by {_called(controller)}")
+    if (
+        run.settled
+        and max(np.abs(q - setup.ticks.goal).max() for q in (reference.q, setup.start[: robot.nv])) <= tolerance
+    ):
+        held = (
+            "the arm starts at the goal, so that it is held there and does not move to it: q_start is where it starts"
+        )
+        return replace(run, message=f"{run.message}; {held}")
     if run.settled:
         return run
     return run.with_stability(sampled_stability(setup.robot, setup.ticks.goal, controller, loop, plants[-1]))

@@ -5,6 +5,7 @@ import armdyn as ad
 import plain_loop
 from armdyn.control.laws.pid import FORMS
 from armdyn.control.loop.references import Ticks
+from armdyn.errors import ProblemError
 from oracles import PinDynamics, random_states
 from problems import paper_arm
 
@@ -99,3 +100,13 @@ def test_refusals():
     with pytest.raises(ad.ArmdynError, match="motor at every joint"):
         robot = ad.Robot.from_library("acrobot")
         law_of(ad.Pid(), motion=ad.set_point(robot, [0, 0]), robot=robot)
+
+
+def test_three_numbers_are_gains():
+    assert ad.Pid(60, 100, 12) == ad.Pid(ad.PidGains(60, 100, 12))
+    assert ad.Pid((60, 50), (1, 2), (3, 4), gravity=True) == ad.Pid(ad.PidGains((60, 50), (1, 2), (3, 4)), gravity=True)
+    for wrong in ((60,), (60, 100), (60, "torque", False)):
+        with pytest.raises(ProblemError, match=r"gains is 60; .* or Pid\(kp, ki, kd\)"):
+            ad.Pid(*wrong)
+    with pytest.raises(ProblemError, match="kd is -1"):
+        ad.Pid(60, 100, -1)

@@ -123,3 +123,16 @@ def test_no_polynomial(polynomial):
 def test_no_square_matrix(matrix):
     with pytest.raises(ProblemError, match="matrix"):
         characteristic_polynomial(matrix)
+
+
+@pytest.mark.parametrize("polynomial", [[1.0] * 300, np.ones(10**5), [10.0 ** (-300 * (k % 2)) for k in range(60)]])
+def test_polynomials_whose_fractions_would_take_minutes_are_refused(polynomial):
+    with pytest.raises(ProblemError, match=r"coefficients with .* binary digits .* at most 100 coefficients"):
+        routh_table(polynomial)
+
+
+def test_entries_beyond_the_range_of_floats_are_printed():
+    table = routh_table([Fraction(10**400), Fraction(1, 10**400)])
+    assert table.is_stable
+    assert "e+400" in table.markdown()
+    assert "1e-400" in table.markdown()

@@ -355,3 +355,14 @@ def test_bad_input(change, match):
     robot, poses = example("RR Ex5")
     with pytest.raises(ProblemError, match=match):
         simulate_pid(robot, **(poses | change))
+
+
+def test_start_goal_and_gains_by_position():
+    robot, poses = example("RR Ex5", grams=100.6)
+    given = poses["q_start"], poses["q_goal"]
+    gains = PidGains(100, 200, 20)
+    same = simulate_pid(robot, **poses, gains=gains, duration=1.0, form="computed_torque")
+    run = simulate_pid(robot, *given, gains, duration=1.0, form="computed_torque")
+    assert np.array_equal(run.trajectory.q, same.trajectory.q)
+    assert "default" not in run.message
+    assert "the gains are the default PidGains(kp=30.0, ki=50.0" in simulate_pid(robot, *given, duration=0.1).message

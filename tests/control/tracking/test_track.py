@@ -209,3 +209,12 @@ def test_a_detour_of_the_reference_is_no_overshoot():
     there, back = ad.ramp(robot, [-1.5, 0.0], [0.6, 0.2], 0.6), ad.ramp(robot, [0.6, 0.2], [0.1, 0.3], 0.4)
     run = ad.track(robot, there + back, ad.ComputedTorque())
     assert run.settled and np.all(run.overshoot < 0.01) and run.trajectory.q[:, 0].max() > 0.59
+
+
+def test_a_set_point_without_a_start_shows_holding_alone():
+    robot = paper_arm("r")
+    held = ad.track(robot, ad.set_point(robot, [0.3]), duration=0.5)
+    assert held.settled_time == 0
+    assert "starts at the goal" in held.message and "q_start" in held.message
+    moved = ad.track(robot, ad.set_point(robot, [0.3]), duration=1.0, q_start=[0.25])
+    assert moved.settled_time > 0 and "starts at the goal" not in moved.message
