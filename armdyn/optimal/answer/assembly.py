@@ -80,9 +80,11 @@ def failed(task: Task, found: SearchResult, elapsed: float) -> Solution:
     else:
         status, why = attempt.status, attempt.message
     if weak := [one.words for one in task.problem.weak_ends]:  # more likely than the worst equation
-        why, worst = "; ".join((*weak, why)), None
+        why = "; ".join((*weak, why))
+    elif worst:
+        why += f"; worst: {worst}"
     return replace(
-        without_motion(task.problem, status, why + (f"; worst: {worst}" if worst else ""), attempt.trajectory),
+        without_motion(task.problem, status, why, attempt.trajectory),
         certificate=Certificate(np.inf, np.inf, np.inf, remark=f"no motion was found ({attempt.message})"),
         intervals=task.options.intervals,
         iterations=found.iterations,
