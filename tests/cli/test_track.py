@@ -57,7 +57,7 @@ def test_a_run_that_fails_names_its_gains_and_tune(tmp_path):
             "0.4",
             "--weights",
             "1,0,0",
-            "--duration",
+            "--plant-payload",
             "0.5",
         ): "--weights 1,0,0; armdyn tune ROBOT",
         ("pid", "rr", "--gains", "3,5,1", "--duration", "1"): "--gains 3,5,1 --form acceleration; armdyn tune ROBOT",
