@@ -20,6 +20,7 @@ from armdyn.cli.sampling import check_rows, sampled, subject_of_file, usual_rate
 from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.files import write_whole
 from armdyn.trajectory.formats import FORMATS, Mujoco, OutputFormat, Ros2
+from armdyn.trajectory.formats.streams import Stream
 
 KINDS = "|".join(FORMATS)
 _ABOUT_KINDS = " ".join(f"{name}: {kind.summary}." for name, kind in FORMATS.items())
@@ -202,7 +203,8 @@ def export(
     qpos and qvel of the first keyframe; then hold each keyframe's ctrl until the next one's time.
 
     The programs for Universal Robots' and Franka's arms go to the start slowly, or refuse to run elsewhere. They were
-    planned on a model: try them in simulation or at reduced speed first. Of a motion whose payload changes they set the
+    planned on a model: try them in simulation or at reduced speed first. Joints of other names than those arms', or
+    faster than theirs, are refused unless --preset checks the motion. Of a motion whose payload changes they set the
     controller's payload, and have a function for the gripper's commands.
 
     With --preset the export is checked as the robot's controller sees it; a refused one is not written (exit code 3). A
@@ -232,6 +234,8 @@ def export(
     subject = subject_of_file(file) if kind is Ros2 else None
     made = sampled(output_format, motion, rows.rate, default_rate, subject, strict=fields.tolerance is not None)
     samples, facts = made.samples, made.facts()
+    if preset is None and isinstance(output_format, Stream):
+        output_format.check_arm(samples)
     if made.broken:
         more = f"; --rate {made.enough:g} would do" if made.enough else ""
         facts |= {"success": False, "status": "refused", "message": f"not written: {made.broken}{more}"}

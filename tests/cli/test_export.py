@@ -92,7 +92,8 @@ def test_a_folder_in_the_files_place(here):
 def test_a_program_for_a_controller_has_its_rate(tmp_path):
     t = np.linspace(0, 0.2, 50)
     rest = np.zeros((50, 6))
-    Trajectory(t, rest, rest, rest, [f"j{i}" for i in range(6)]).save(tmp_path / "m.npz")
+    names = ad.Robot.from_library("ur5").joint_names
+    Trajectory(t, rest, rest, rest, names).save(tmp_path / "m.npz")
     payload = ("--payload", "2.5", "--payload-com", "0,0,0.08")
     output = answer(run_here("export", "m.npz", "--format", "urscript", *payload, "--json", cwd=tmp_path))
     assert (output["rate"], output["files"], output["deviation"]) == (500, ["m.script"], None)
@@ -209,3 +210,29 @@ def test_a_command_of_several_files_refuses_the_name_of_one(here):
     assert not (here / "motion.html").exists()
     file = answer(run_here("urdf", "rr", "--out", "my.urdf", "--json", cwd=here))["files"]
     assert file == ["my.urdf"] and (here / "my.urdf").read_text().startswith("<")
+
+
+@pytest.mark.parametrize(
+    ("kind", "arm", "preset"),
+    [("urscript", "ur5", "ur5e"), ("ur-rtde", "ur5", "ur5e"), ("panda-python", "panda", "franka-panda")],
+)
+def test_a_program_is_for_its_own_arms(tmp_path, kind, arm, preset):
+    robot = ad.Robot.from_library(arm)
+    t, still = np.linspace(0, 0.2, 50), np.zeros((50, robot.nv))
+    slow, fast = (still + speed * t[:, None] for speed in (0.1, 7.0))
+    others = [f"axis_{i}" for i in range(robot.nv)]
+    for name, q, names, words in (
+        ("own", slow, [f"left_{one}" for one in robot.joint_names], ""),
+        ("foreign", slow, others, f"{kind} is a program for a {'UR' if robot.nv == 6 else 'Franka'} arm, and joint "),
+        ("fast", fast, robot.joint_names, "moves at 7 rad/s, and no joint of one is faster than "),
+    ):
+        v = np.gradient(q, t, axis=0)
+        Trajectory(t, q, v, still, names).save(tmp_path / f"{name}.npz")
+        output = answer(run_here("export", f"{name}.npz", "--format", kind, "--json", cwd=tmp_path), 2 if words else 0)
+        assert words in output.get("message", "")
+    assert (
+        "joint 'axis_0' is no name of one's; --preset checks"
+        in answer(run_here("export", "foreign.npz", "--format", kind, "--json", cwd=tmp_path), 2)["message"]
+    )
+    given = run_here("export", "fast.npz", "--format", kind, "--preset", preset, "--json", cwd=tmp_path)
+    assert "not written" in answer(given, 3)["message"]  # by the preset's own rules

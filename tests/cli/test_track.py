@@ -79,6 +79,15 @@ def test_a_saved_motion(tmp_path):
         assert output["reference_duration"] == 0.3 and output["peak_error"] < 1e-3
 
 
+def test_a_reference_of_another_model_is_said(tmp_path):
+    loaded = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), payload=ad.Payload(mass=0.1006))
+    file = ad.ramp(loaded, [0.0, 0.0], [0.3, 0.2], 0.3).save(tmp_path / "ramp.npz")
+    run = ("track", "rr", "--reference", file, *BARE, "--json", "--out", tmp_path / "out")
+    (said,) = answer(run_here(*run))["warnings"]
+    assert "ramp.npz: was computed for another arm, payload or friction than rr's: give the --payload" in said
+    assert not answer(run_here(*run, "--payload", "0.1006"))["warnings"]
+
+
 @pytest.mark.slow
 def test_a_motion_whose_payload_changes(tmp_path):
     motion = pick_and_place()[1]

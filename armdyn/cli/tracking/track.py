@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -62,8 +63,16 @@ class ReferenceOptions:
                 raise ProblemError(f"{others[0]} does not change the motion of --{name}: leave it out")
         if self.reference is not None:
             from armdyn.cli.reports.saved import motion_of
+            from armdyn.models.robots.loads import is_motion_of
 
-            return motion_of(task.arm, self.reference).motion
+            motion = motion_of(task.arm, self.reference).motion
+            if motion.model_hashes and not is_motion_of(task.arm, motion):
+                warnings.warn(
+                    f"{self.reference}: was computed for another arm, payload or friction than {task.arm.name}'s: "
+                    "give the --payload, --damping, --friction and --lock of its run",
+                    ad.ArmdynWarning, stacklevel=2,
+                )  # fmt: skip
+            return motion
         if self.ramp is not None:
             return ad.ramp(task.arm, *task.ends(), checked(self.ramp, "--ramp", sign="positive"))
         solution = ad.solve_minimum_time(task.problem(), ad.MinimumTimeOptions(**task.solver_options), progress)

@@ -176,7 +176,7 @@ def _of_pid(facts: Facts) -> Verdict:
 
 def _of_foreign_motion(facts: Facts) -> Verdict:
     """Verdict on a motion without a result."""
-    text = "Another planner's motion: its limits were checked, but not the possible gain of time."
+    text = "A motion without a result: its limits were checked, but not the possible gain of time."
     keeps = facts.true("feasible")
     return Verdict("good" if keeps else "bad", f"{'Keeps' if keeps else 'Breaks'} its limits", text, _possible(facts))
 

@@ -41,7 +41,10 @@ class PandaPython(Stream):
     summary: ClassVar[str] = "a Python program for panda-python, 1 kHz"
     rate: ClassVar[float] = 1000.0
     flange: ClassVar[str] = "link8"
+    arm: ClassVar[str] = "a Franka arm"
     joints: ClassVar[int] = 7
+    own: ClassVar[tuple[str, ...]] = tuple(f"(panda|fr3|fer|franka).*joint{i}" for i in range(1, 8))
+    fastest: ClassVar[float] = 5.26  # FR3's last three joints
 
     tolerance: float = checked(number, 0.01, unit="rad", sign="positive", error=TrajectoryError)
 
@@ -70,7 +73,7 @@ class PandaPython(Stream):
             "PAYLOAD": (self.load(), "mass [kg], centre of mass from the flange [m]"),
             "V": (samples.v.tolist(), "joint velocities [rad/s], one row per tick"),
         }
-        return python_program("panda_python", "a Franka arm", "panda-python", samples, constants)
+        return python_program("panda_python", self.arm, "panda-python", samples, constants)
 
 
 UR_RATES = (500.0, 125.0)
@@ -121,7 +124,12 @@ class UrScript(Stream):
     summary: ClassVar[str] = "a URScript program of servoj, 500 or 125 Hz"
     rate: ClassVar[float] = UR_RATES[0]
     flange: ClassVar[str] = "tool0"
+    arm: ClassVar[str] = "a UR arm"
     joints: ClassVar[int] = 6
+    own: ClassVar[tuple[str, ...]] = (
+        "shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", *(f"wrist_{i}_joint" for i in (1, 2, 3)),
+    )  # fmt: skip
+    fastest: ClassVar[float] = 6.29  # 360 °/s, of a UR3's wrist
 
     lookahead: float = checked(_servoj, 0.1)
     gain: float = checked(_servoj, 300.0)
@@ -230,4 +238,4 @@ class UrRtde(UrScript):
             "PAYLOAD": (self.load(), "mass [kg], centre of mass from the flange [m]"),
             "EVENTS": ([tuple(one) for one in self.late_events(samples, rate)], EVENT_REMARK),
         }
-        return python_program("ur_rtde", "a UR arm", "ur_rtde", samples, constants)
+        return python_program("ur_rtde", self.arm, "ur_rtde", samples, constants)

@@ -5,6 +5,7 @@ A program has numbers and quoted texts of the motion only; the rest of it is her
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -61,8 +62,14 @@ class Stream(Checked):
     name: ClassVar[str]
     flange: ClassVar[str]
     """End of the name of the flange's frame, in whose axes the controller takes loads."""
+    arm: ClassVar[str]
+    """The arms whose controllers run the program, in words."""
     joints: ClassVar[int]
     """Number of joints of the arms whose controllers run the program."""
+    own: ClassVar[tuple[str, ...]]
+    """Regular expressions for the ends of their joints' names."""
+    fastest: ClassVar[float]
+    """Largest speed of a joint of any of these arms [rad/s]."""
 
     payload: float | None = checked(number, None, unit="kg", sign="not negative", error=TrajectoryError)
     payload_com: tuple[float, ...] = checked(_centre, (0.0, 0.0, 0.0))
@@ -106,6 +113,23 @@ class Stream(Checked):
         """
         if count != cls.joints:
             raise TrajectoryError(f"the motion has {count} joints; {cls.name} is for arms of {cls.joints}")
+
+    @classmethod
+    def check_arm(cls, samples: Samples) -> None:
+        """Refuse motions that are hardly those of such an arm: by names of their joints, and speeds.
+
+        Raises:
+            TrajectoryError: there are such names, or speeds.
+        """
+        cls.check_joints(samples.q.shape[1])
+        for name, own, speed in zip(samples.joint_names, cls.own, abs(samples.v).max(axis=0), strict=False):
+            why = f"moves at {speed:.3g} rad/s, and no joint of one is faster than {cls.fastest:.3g}"
+            if (foreign := re.fullmatch(f".*{own}", name) is None) or speed > cls.fastest:
+                why = "is no name of one's" if foreign else why
+                raise TrajectoryError(
+                    f"{cls.name} is a program for {cls.arm}, and joint {name!r} {why}; --preset checks the motion "
+                    "against the arm's own limits, whatever its joints are called"
+                )
 
     def rate_of(self, samples: Samples, rates: Sequence[float]) -> float:
         """Ticks per second of the samples [Hz].
