@@ -26,6 +26,10 @@ _STILL = 1e-3
 _ROUNDING = 1e-9
 """Relative tolerance of a torque: gravity's torque on an upright pole is not exactly zero."""
 
+LEAST_WAY = 1e-6
+"""Least way of some joint [rad or m] that is a motion: the end of a motion is certified to as much, a hundredth of the
+resolution of good encoders."""
+
 SLOWEST = 1e-9
 """Smallest velocity limit that is accepted [rad/s or m/s]: one turn in two hundred years."""
 
@@ -62,6 +66,20 @@ def _degrees_words(robot: Robot, limits: JointLimits, q: Array) -> str:
     if not (np.all(within) and np.any(np.abs(q[turns]) > np.pi)):
         return ""
     return "; did you mean degrees? They would be within all limits: np.deg2rad(…)"
+
+
+def check_way(robot: Robot, x_start: Array, x_goal: Array) -> None:
+    """Refuse a motion between equal states, and one from rest to rest of less than `LEAST_WAY`: none is needed."""
+    if np.array_equal(x_start, x_goal):
+        raise ProblemError(f"start and goal are the same state, q = {x_start[: robot.nv]}: no motion is needed")
+    way = np.abs(x_goal - x_start)[: robot.nv]
+    if not np.any([x_start[robot.nv :], x_goal[robot.nv :]]) and np.max(way) < LEAST_WAY:
+        joint = int(np.argmax(way))
+        unit = joint_unit(robot.slides[[joint]])
+        raise ProblemError(
+            f"start and goal are {way[joint]:.3g} {unit} apart (joint {robot.joint_names[joint]!r}), less than the "
+            f"{LEAST_WAY:g} {unit} to which the end of a motion is certified: no motion is needed"
+        )
 
 
 def check_motors(robot: Robot, limits: JointLimits, relative_effort_weight: float) -> None:

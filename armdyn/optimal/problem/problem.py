@@ -35,6 +35,7 @@ from armdyn.optimal.problem.checks import (
     check_path_constraints,
     check_poses,
     check_state,
+    check_way,
     check_without_torques,
     clear_goals,
     holding_deficits,
@@ -174,10 +175,8 @@ class MinimumTimeProblem:
         self._set(q_goal=goals[0], goals=tuple(goals))
         for q, v, name in ((self.q_start, self.v_start, "start"), (self.q_goal, self.v_goal, "goal")):
             check_state(self.robot, self.limits, np.asarray(q), np.asarray(v), name, self.reserves.velocity)
-        if np.array_equal(self.x_start, self.x_goal) and not several(self.via, "via"):
-            raise ProblemError(
-                f"start and goal are the same state, q = {self.x_start[: self.robot.nv]}: no motion is needed"
-            )
+        if not several(self.via, "via"):
+            check_way(self.robot, self.x_start, self.x_goal)
         self._resolve_path_constraints()
         warn_if_not_held(self._deficits_at(np.asarray(self.q_goal)))
 

@@ -17,6 +17,7 @@ from armdyn.arguments import number
 from armdyn.arrays import Array
 from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.landing.limit_violations import worst_violation
+from armdyn.optimal.problem.checks import LEAST_WAY
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.proof.pontryagin import idle_joints, pontryagin
@@ -24,7 +25,7 @@ from armdyn.optimal.task.options import REPLAY_TOLERANCE
 from armdyn.reprs import brief, joint_unit, percent
 from armdyn.trajectory import Trajectory
 
-GOAL_TOLERANCE = 1e-6
+GOAL_TOLERANCE = LEAST_WAY
 """Largest error of the replay at the goal [rad or m] for a claim of optimality: a hundredth of good encoders'
 resolution."""
 VELOCITY_TOLERANCE = 0.02

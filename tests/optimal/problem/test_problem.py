@@ -2,6 +2,7 @@ import warnings
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import armdyn as ad
@@ -187,3 +188,26 @@ def test_values_are_frozen():
     with pytest.raises(ValueError, match="read-only"):
         problem.q_start[0] = 1.0
     assert replace(problem, effort_weight=1.0).effort_weight == 1.0
+
+
+@pytest.mark.parametrize("way", [1e-12, 1e-9, 9e-7])
+def test_below_the_goals_tolerance_no_motion_is_needed(way):
+    """A motion of 1e-12 rad was one of 1.5e-8 s, and those of 1e-9 rad took longer than those of 1e-5."""
+    with pytest.raises(ProblemError, match=rf"are {way:g} m apart .*less than the 1e-06 m .*: no motion is needed"):
+        ad.MinimumTimeProblem(ad.Robot.from_urdf_string(CART), q_start=[0.0], q_goal=[way])
+    start = np.zeros(2)
+    with pytest.raises(ProblemError, match="joint 'joint2'.*no motion is needed"):
+        ad.MinimumTimeProblem(paper_arm("rr"), q_start=start, q_goal=[0.0, -way])
+    ad.MinimumTimeProblem(paper_arm("rr"), q_start=start, q_goal=[0.0, -way], v_goal=[0.0, 0.1])  # in flight it is one
+
+
+@pytest.mark.slow
+def test_short_motions_take_the_time_of_constant_torques():
+    """Along a way this short inertia and gravity's torque are constant: t = sqrt(2 d (1/a + 1/b)) with a, b the rates."""
+    arm, ways = paper_arm("r"), np.array([1e-6, 1e-5, 1e-4])
+    inertia = pin.crba(arm.model, arm.model.createData(), np.zeros(1))[0, 0]
+    weight, most = arm.holding_torque(np.zeros(1))[0], arm.limits.effort_upper[0]
+    rates = (most - weight) / inertia, (most + weight) / inertia
+    taken = [ad.solve_minimum_time(ad.MinimumTimeProblem(arm, q_start=[0.0], q_goal=[way])).duration for way in ways]
+    # The way of 1e-4 rad changes gravity's torque by less than 1e-4 of itself.
+    assert taken == pytest.approx(np.sqrt(2 * ways * (1 / rates[0] + 1 / rates[1])), rel=1e-4)
