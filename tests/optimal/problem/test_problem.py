@@ -196,14 +196,14 @@ def test_below_the_goals_tolerance_no_motion_is_needed(way):
     with pytest.raises(ProblemError, match=rf"are {way:g} m apart .*less than the 1e-06 m .*: no motion is needed"):
         ad.MinimumTimeProblem(ad.Robot.from_urdf_string(CART), q_start=[0.0], q_goal=[way])
     start = np.zeros(2)
-    with pytest.raises(ProblemError, match="joint 'joint2'.*no motion is needed"):
+    with pytest.raises(ProblemError, match=r"joint 'joint2'.*no motion is needed"):
         ad.MinimumTimeProblem(paper_arm("rr"), q_start=start, q_goal=[0.0, -way])
     ad.MinimumTimeProblem(paper_arm("rr"), q_start=start, q_goal=[0.0, -way], v_goal=[0.0, 0.1])  # in flight it is one
 
 
 @pytest.mark.slow
 def test_short_motions_take_the_time_of_constant_torques():
-    """Along a way this short inertia and gravity's torque are constant: t = sqrt(2 d (1/a + 1/b)) with a, b the rates."""
+    """Inertia and gravity's torque are constant along it: t = sqrt(2 d (1/a + 1/b)) with a, b the rates."""
     arm, ways = paper_arm("r"), np.array([1e-6, 1e-5, 1e-4])
     inertia = pin.crba(arm.model, arm.model.createData(), np.zeros(1))[0, 0]
     weight, most = arm.holding_torque(np.zeros(1))[0], arm.limits.effort_upper[0]
