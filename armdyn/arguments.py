@@ -35,6 +35,9 @@ MOST_NUMBERS = 2**24
 MOST_MEMBERS = 10_000
 """Members of a list of arms, obstacles, names or the like: ten times the largest one known."""
 
+_DEEPEST = 64
+"""Lists in lists, as in numpy's arrays at most."""
+
 MOST_SAMPLES = 1_000_000
 """Most samples or steps of one call: seconds of work, and less than a gigabyte."""
 
@@ -376,12 +379,12 @@ def _real(value: object) -> Array | None:
     if type(value) is np.ndarray and value.dtype == float and value.size <= MOST_NUMBERS:  # inner loops come by
         return value.astype(float)
     try:
-        if isinstance(value, str | bytes) or _count(value) > MOST_NUMBERS:
+        if isinstance(value, str | bytes) or _count(value) > MOST_NUMBERS or _has_other_entries(value):
             return None
         array = np.array(value)
         if array.dtype.kind == "O" and all(isinstance(x, Real) and not isinstance(x, bool) for x in array.flat):
             array = array.astype(float)  # fractions, integers beyond 64 bits
-        if array.dtype.kind not in "iuf" or _has_booleans(value):
+        if array.dtype.kind not in "iuf":
             return None
         return array.astype(float)
     except Exception:  # rows of different length, integers beyond floats, any error of a foreign __array__
@@ -390,16 +393,20 @@ def _real(value: object) -> Array | None:
 
 def _count(value: object) -> int:
     """Number of elements of nested lists, if all lists of one depth are as long as the first."""
-    count = 1
+    count, depth = 1, 0
     while isinstance(value, Sequence) and not isinstance(value, str | bytes) and 0 < count <= MOST_NUMBERS:
         count *= len(value)
-        value = value[0] if value else None
+        value, depth = value[0] if value else None, depth + 1
+        if depth > _DEEPEST:  # a list that contains itself
+            return MOST_NUMBERS + 1
     size = getattr(value, "size", 1)  # of an array
     return count * (size if isinstance(size, int) else 1)
 
 
-def _has_booleans(value: object) -> bool:
-    """Whether there are booleans, which numpy turns into numbers."""
+def _has_other_entries(value: object) -> bool:
+    """Whether there are booleans in lists, or masked entries, which numpy turns into numbers."""
     import numpy as np
 
-    return isinstance(value, list | tuple) and any(isinstance(x, bool | np.bool_) or _has_booleans(x) for x in value)
+    if isinstance(value, list | tuple):
+        return any(isinstance(x, bool | np.bool_) or _has_other_entries(x) for x in value)
+    return isinstance(value, np.ma.MaskedArray) and bool(np.ma.is_masked(value))

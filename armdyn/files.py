@@ -19,6 +19,8 @@ from armdyn.errors import ArmdynError, DiskFullError, FileError, ProblemError
 
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 _PIECE = 2**20
+written_folders: dict[Path, None] = {}
+"""Folders of the files that `write_whole` has written in this process, for the message after Ctrl-C."""
 _KINDS = {
     stat.S_IFDIR: "a folder",
     stat.S_IFIFO: "a named pipe",
@@ -219,6 +221,7 @@ def write_whole(path: str | os.PathLike[str], data: bytes) -> Path:
     path = Path(path_of(path, "path"))
     with writing_whole(path) as scratch:
         scratch.write_bytes(data)
+    written_folders[path.parent] = None
     return path
 
 
@@ -312,7 +315,9 @@ def write_sealed(path: str | os.PathLike[str], data: bytes) -> Path:
     with suppress(OSError):
         if not stat.S_ISREG(path.lstat().st_mode):
             path.unlink()
-    return write_whole(path, data + _seal(path, data))
+    with writing_whole(path) as scratch:
+        scratch.write_bytes(data + _seal(path, data))
+    return path
 
 
 def read_sealed(path: str | os.PathLike[str], limit: int) -> bytes | None:

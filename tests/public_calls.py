@@ -30,10 +30,13 @@ class Hostile:
     __hash__ = object.__hash__
 
 
+ITSELF: list[Any] = []
+ITSELF.append(ITSELF)
 NONSENSE = (
     None, "rr", "1.5", "", b"1", 1j, [1, 2j], [[1.0], [1.0, 2.0]], ["1", "2"], [None, 1.0], {}, {"a": 1}, {1.0},
     object(), Hostile(), [Hostile()], np.array(["a", "b"]), np.array([True, False]), np.array([1j, 2]),
     np.array([None, 1]), np.array("2026-01-01", dtype="datetime64"), [True, 1.0], Ellipsis, ad.Robot, ad, np.ma.masked,
+    ITSELF, [ITSELF, 1.0], np.ma.array([1.0, 2.0], mask=[True, False]), [np.ma.masked, 1.0], ["\ud800", np.nan],
 )  # fmt: skip
 """An object that is no number, no array of numbers, and no other expected type."""
 
@@ -135,7 +138,7 @@ def values() -> dict[Callable[..., object], Right]:
         ad.Group: {"members": [ad.Sphere((0, 0, 0), 1.0)], "name": "several"},
         ad.PointCloud: {"points": CORNERS, "size": 0.1, "name": "seen"},
         ad.HeightMap: {"heights": [[0.1, 0.2]], "size": 0.1, "origin": (0, 0, 0), "step": 0.01, "name": "ground"},
-        ad.GoalPose: {"frame": "tip", "placement": (0, 0, 0)},
+        ad.GoalPose: {"frame": "tip", "placement": (0, 0, 0), "free": (), "tolerance": ()},
         ad.JointLimits: {name: [1.0, 1.0] for name in LIMITS},
         ad.FrameSpeedLimit: {"limit": 1.0, "frame": None, "part": 1.0},
         ad.RmsTorque: {"limit": 1.0, "dwell": 0.5},
@@ -203,7 +206,7 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
             "feedback": True,
         },
         ad.multiloop_disk: {"loop": ad.sampled_loop(RR, GOAL, ad.Lqr(), LOOP)},
-        ad.lower_bound: {"problem": PROBLEM, "stop": None},
+        ad.lower_bound: {"problem": PROBLEM, "stop": None, "policy": None},
         ad.monte_carlo: {"robot": RR, "reference": MOTION, "controller": PID, "plants": PLANTS, "loop": LOOP}
         | {"options": ARMS, "file": None, "progress": None},
         ad.plan_path: {"problem": PROBLEM, "seed": 0},
@@ -313,6 +316,9 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
         RR.pose: {"name": "zero"},
         RR.configuration: {"q": START},
         RR.holding_torque: {"q": START},
+        ad.FrameSpeedLimit.of_option: {"values": [0.5], "frame": None},
+        ad.RmsTorque.of_option: {"values": [0.5], "frame": None},
+        ad.TorqueRateLimit.of_option: {"values": [0.5], "frame": None},
         ad.ControllerPreset.named: {"name": "ur5e", "interface": "position"},
         ad.ControllerPreset.read: {"path": folder / "preset.toml"},
         preset.on: {"interface": "position"},

@@ -183,3 +183,12 @@ def test_a_urdf_as_text_is_the_same_robot_as_its_file(file):
     assert of_text.source == "URDF text" and of_text.package_dirs == ()
     with pytest.raises(UrdfError, match=r"^mine: not XML"):
         ad.Robot.from_urdf_string("<robot", source="mine")
+
+
+def test_lists_in_themselves_and_masks_are_refused_at_once():
+    itself = [1.0]
+    itself[0] = itself
+    for wrong in (itself, [itself, 1.0], np.ma.masked, [np.ma.masked, 1.0], np.ma.array([1, 2], mask=[0, 1])):
+        with pytest.raises(ProblemError, match="expected numbers"):
+            arguments.numbers(wrong, "q")
+    assert arguments.numbers(np.ma.array([1, 2]), "q").tolist() == [1.0, 2.0]  # nothing in it is masked

@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from armdyn.cli import interrupts
@@ -114,10 +114,17 @@ def judged(
         files: that were written.
     """
     code = NOT_USABLE if not usable else DONE if as_required else NOT_AS_REQUIRED
-    if facts["status"] == "interrupted":
-        code, remarks = INTERRUPTED, [*remarks, _complaint(facts["message"])]
     known = {**facts, "files": [str(file) for file in files]}
-    return Answer(facts=known, shown=shown, code=code, remarks=remarks)
+    answer = Answer(facts=known, shown=shown, code=code, remarks=remarks)
+    return as_interrupted(answer) if facts["status"] == "interrupted" else answer
+
+
+def as_interrupted(answer: Answer) -> Answer:
+    """The answer of a command that Ctrl-C ended with a part of its result, or with all of it: it says what is saved."""
+    given = answer.facts.get("message")
+    message = f"{given if answer.facts.get('status') == 'interrupted' else 'interrupted'}; {interrupts.kept()}"
+    facts = {**answer.facts, "success": False, "status": "interrupted", "message": message}
+    return replace(answer, facts=facts, code=INTERRUPTED, remarks=[*answer.remarks, _complaint(message)])
 
 
 def done(status: str, facts: Mapping[str, object], *shown: Shown, files: Iterable[Path] = ()) -> Answer:

@@ -12,7 +12,20 @@ from typing import NoReturn
 import typer
 
 from armdyn.cli import interrupts
-from armdyn.cli.console import INTERNAL, Answer, console, errors, escape, failed, interrupted, write_json
+from armdyn.cli.console import (
+    DONE,
+    INTERNAL,
+    NOT_AS_REQUIRED,
+    NOT_USABLE,
+    Answer,
+    as_interrupted,
+    console,
+    errors,
+    escape,
+    failed,
+    interrupted,
+    write_json,
+)
 from armdyn.cli.invocation import in_options, option_value
 from armdyn.cli.streams import BAD_INPUT, DISK_FULL
 from armdyn.errors import ArmdynError, ArmdynWarning, DiskFullError
@@ -54,6 +67,8 @@ def carry_out(command: Callable[[], Answer]) -> NoReturn:
             answer = _failure(error)
         finally:
             console.quiet = False
+    if interrupts.pressed() and answer.code in (DONE, NOT_USABLE, NOT_AS_REQUIRED):
+        answer = as_interrupted(answer)
     interrupts.mark_reported()
     if answer.then:
         raise Followed([*answer.then, *(["--json"] if as_json and "--json" not in answer.then else [])])
@@ -81,9 +96,9 @@ def _failure(error: BaseException) -> Answer:
     """The answer of a command that raised an exception."""
     if isinstance(error, DiskFullError):
         return failed("disk_full", str(error), DISK_FULL)
-    if isinstance(error, ArmdynError):
+    if isinstance(error, ArmdynError) and not interrupts.pressed():
         return failed("bad_input", in_options(str(error)), BAD_INPUT)
-    if isinstance(error, OSError):
+    if isinstance(error, OSError) and not interrupts.pressed():
         if is_full(error):
             return failed("disk_full", str(DiskFullError(error.filename or "standard output")), DISK_FULL)
         reason = error.strerror or str(error) or type(error).__name__

@@ -30,6 +30,7 @@ _ANSWER = (
     '"message": MESSAGE, "warnings": []}\n'
 )
 _SHOW_CURSOR = b"\x1b[?25h"  # a spinner hides it
+_NOTHING = "nothing is saved"
 _CLEAR_LINE = b"\r\x1b[2K"  # of a spinner
 
 
@@ -91,6 +92,7 @@ class Raised:
 
     def __enter__(self) -> None:
         _State.working, _State.reported, _State.saved = True, False, ""
+        getattr(sys.modules.get("armdyn.files"), "written_folders", {}).clear()
         if _signal.getsignal(_signal.SIGINT) is _on_interrupt:
             reading, writing = os.pipe()
             os.set_blocking(writing, False)
@@ -114,14 +116,20 @@ def saved(what: str) -> None:
     """Set the results that are on disk already, for the message after a later Ctrl-C.
 
     Args:
-        what: a sentence such as "the motion is saved in results".
+        what: a sentence such as "the motion is saved in results", and how to go on where the command can.
     """
     _State.saved = what
 
 
+def kept() -> str:
+    """What is on disk, in words: the sentence of `saved`, or the folders of the files that were written."""
+    folders = getattr(sys.modules.get("armdyn.files"), "written_folders", ())
+    return _State.saved or (f"files that were written are in {', '.join(map(str, folders))}" if folders else _NOTHING)
+
+
 def message() -> str:
     """The message of a command that Ctrl-C ended."""
-    return f"interrupted; {_State.saved}" if _State.saved else "interrupted"
+    return f"interrupted; {kept()}"
 
 
 def mark_reported() -> None:
@@ -138,7 +146,7 @@ def leave() -> NoReturn:
     """End the process at once, with one line of output."""
     if "--json" in sys.argv:
         # json was imported before anything was saved.
-        text = sys.modules["json"].dumps(message()) if _State.saved else f'"{message()}"'
+        text = f'"{message()}"' if kept() == _NOTHING else sys.modules["json"].dumps(message())
         _write(1, _ANSWER.replace("MESSAGE", text).encode())
     line = f"armdyn: {message()}\n".encode("utf-8", "backslashreplace")
     _write(2, (_SHOW_CURSOR if os.isatty(2) else b"") + line)

@@ -164,6 +164,7 @@ def reserve_curve(
     """
     expect_problem(problem)
     progress, loop = listener(progress), expect_loop(loop, Loop())
+    duration = number(duration, "duration", unit="s", sign="positive")
     levels = sorted(set(each(reserves, "reserves", number)))
     if not levels or not 0 <= levels[0] <= levels[-1] < 1:
         raise ProblemError(f"reserves are {tuple(levels)}; expected one or more, each at least 0 and below 1")

@@ -61,7 +61,7 @@ def python(code, *arguments):
 
 def ends_in_a_line(done):
     assert done.returncode == 130, done.stderr
-    assert done.stderr == "armdyn: interrupted\n"
+    assert done.stderr == "armdyn: interrupted; nothing is saved\n"
 
 
 @pytest.mark.slow
@@ -99,7 +99,7 @@ def test_a_motion_that_is_saved_is_said_to_be_where_drawings_are_not_made(module
 def test_within_an_import_for_a_machine():
     done = python(AT_IMPORT.format(module="numpy", arguments=["robots", "--json"]))
     ends_in_a_line(done)
-    ended = {"success": False, "status": "interrupted", "message": "interrupted", "warnings": []}
+    ended = {"success": False, "status": "interrupted", "message": "interrupted; nothing is saved", "warnings": []}
     assert json.loads(done.stdout) == {"schema": "armdyn-json-1", "command": "", **ended}
 
 
@@ -155,7 +155,7 @@ def test_a_second_one_ends_code_without_signals():
     then = then.replace("{{", "{").replace("}}", "}")
     code = AT_CALL.replace("    os.kill(os.getpid(), signal.SIGINT)\n", "")
     done = python(code.format(then=then))
-    assert done.returncode == 130 and done.stderr.endswith("armdyn: interrupted\n")
+    assert done.returncode == 130 and done.stderr.endswith("armdyn: interrupted; nothing is saved\n")
 
 
 @pytest.mark.slow
@@ -187,7 +187,7 @@ def test_at_many_moments(arguments, moments):
         time.sleep(whole * k / moments)
         command.send_signal(signal.SIGINT)
         _, said = command.communicate(timeout=120)
-        assert (command.returncode, said) in ((130, "armdyn: interrupted\n"), (0, ""))
+        assert (command.returncode, said) in ((130, "armdyn: interrupted; nothing is saved\n"), (0, ""))
 
 
 @pytest.mark.slow

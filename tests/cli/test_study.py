@@ -47,7 +47,9 @@ def test_rows_tables_and_figures(study, tmp_path, monkeypatch):
     monkeypatch.setattr(figures, "figures_of", Mock(side_effect=KeyboardInterrupt))
     pressed = run_here("sweep", study, cwd=tmp_path)
     assert pressed.returncode == 130
-    assert " ".join(pressed.stderr.split()) == "armdyn: interrupted; finished rows are in results/sweep-payloads"
+    assert " ".join(pressed.stderr.split()) == (
+        "armdyn: interrupted; finished rows are in results/sweep-payloads: the same command does the others"
+    )
 
 
 def test_a_refused_case_is_reported(study, tmp_path):

@@ -57,7 +57,7 @@ def run_payloads(
         status = _status(found, len(problems))
         if not found:
             return interrupted()
-        interrupts.saved(f"finished rows are in {folder}")
+        interrupts.saved(f"finished rows are in {folder}: the same command does the others")
         rows = [_line(row) for row in found]
         figure = figure and status != "interrupted"  # after Ctrl-C the user does not wait for it
         progress("writing the table and the figure" if figure else "writing the table")
@@ -76,7 +76,7 @@ def run_payloads(
         "missing": missing,
     }
     if status == "interrupted":
-        facts["message"] = f"interrupted; the solved payloads are in {folder}"
+        facts["message"] = "interrupted"
     failing = ["some motions are not usable: their messages are in sweep.csv"] if status == "not_landed" else []
     kept = [f"{what}: {parts}" for what, parts in reserve_words(first).items()]
     shown: list[Shown] = [_table(arm.name, rows), *kept, f"results in {escape(str(folder))}"]

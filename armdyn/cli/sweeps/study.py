@@ -72,7 +72,7 @@ def run_file(path: str, options: StudyOptions, results: FigureOptions) -> Answer
     names = ["rows.csv", *(["rows.parquet"] if options.parquet else []), *results.drawn(*FIGURES)]
     folder = results.output.folder("sweep", path, [ROWS, *names])
     folder.mkdir(parents=True, exist_ok=True)
-    interrupts.saved(f"finished rows are in {folder}")
+    interrupts.saved(f"finished rows are in {folder}: the same command does the others")
     with progress_bar(Path(path).name, len(study)) as bar:
 
         def report(now: Progress) -> None:
@@ -104,7 +104,7 @@ def _facts(run: StudyRun, good: bool) -> dict[str, object]:
         "seconds": round(run.seconds, 3),
     }
     if run.interrupted:
-        facts["message"] = f"interrupted with {there} of {run.cases} rows; the same command does the others"
+        facts["message"] = f"interrupted with {there} of {run.cases} rows"
     return facts
 
 

@@ -126,10 +126,12 @@ def monte_carlo(
         if isinstance(motion, ad.Solution):
             return no_motion(motion)
         folder.mkdir(parents=True, exist_ok=True)
-        interrupts.saved(f"finished rows are in {folder}")
+        interrupts.saved(f"finished rows are in {folder}: the same command does the others")
         found = ad.monte_carlo(model, motion, law, plants, joined, options, folder / ROWS, progress)
         if found.interrupted:
-            return interrupted(f"interrupted; {len(found.rows)} rows are in {folder / ROWS}")
+            return interrupted(
+                f"interrupted; {len(found.rows)} rows are in {folder / ROWS}: the same command does the others"
+            )
         summary = {"success": True, "status": "done", "robot": model.name, "reference_duration": motion.duration}
         summary |= found.summary(within)
         progress("drawing the figure")

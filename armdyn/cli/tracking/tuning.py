@@ -7,6 +7,7 @@ from typing import Any
 
 import armdyn as ad
 from armdyn.arguments import one_of
+from armdyn.cli import interrupts
 from armdyn.cli.console import Answer, facts_table, judged, working
 from armdyn.cli.invocation import flag_of, is_given
 from armdyn.cli.options.groups import SOLVER, flag, group, option
@@ -103,6 +104,7 @@ def tune(
     folder = output.folder("tune", task.robot.robot, [ROWS, "reference.npz", "result.json"])
     folder.mkdir(parents=True, exist_ok=True)
     options = replace(options, file=folder / ROWS)
+    interrupts.saved(f"controllers that were run are in {folder}: the same command goes on")
     with working(f"tuning {family.controller} for {model.name}") as progress:
         found = ad.tune(
             model, ad.Ramps(start, goal, family.ramp_range), family.family(model, goal),

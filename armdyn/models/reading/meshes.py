@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
+from xml.parsers import expat
 
 import numpy as np
 import pinocchio as pin
@@ -139,8 +140,12 @@ def load_meshes(path: Path, scale: Array, most: int = _MAX_MESH_BYTES) -> Iterat
         raise ValueError(f"mesh {path.name!r} is none of {', '.join(_MESH_FORMATS)}")
     try:
         content = io.BytesIO(read_bounded(path, most))
+        if path.suffix.lower() == ".dae":
+            _refuse_dtd(content.getvalue())
     except FileError as error:
         raise ValueError(f"mesh {path.name!r}: {error.why}") from None
+    except expat.ExpatError as error:
+        raise ValueError(f"mesh {path.name!r}: {error}") from None
     scene = trimesh.load_scene(content, file_type=path.suffix.lower()[1:], resolver=_resolver(path))
     empty = True
     for node in scene.graph.nodes_geometry:
@@ -154,6 +159,21 @@ def load_meshes(path: Path, scale: Array, most: int = _MAX_MESH_BYTES) -> Iterat
             yield bare, mesh
     if empty:
         raise ValueError(f"mesh {path.name!r} has no triangles")
+
+
+def _refuse_dtd(content: bytes) -> None:
+    """Refuse a document type in XML, whose entities would be expanded.
+
+    Raises:
+        ExpatError: it has one, or is no XML.
+    """
+
+    def refuse(*_: object) -> None:
+        raise expat.ExpatError("it has a DTD; no mesh needs one, and its entities are not expanded")
+
+    parser = expat.ParserCreate()
+    parser.StartDoctypeDeclHandler = refuse
+    parser.Parse(content, True)
 
 
 def _resolver(path: Path) -> Any:

@@ -41,7 +41,7 @@ def read_planning_scene(file: Path, frames: Mapping[str, pin.SE3 | None]) -> Rea
     """
     content = read_yaml(file)
     scene = _table(content, "a planning scene") if content else {}
-    world = scene.get("world") or scene  # a PlanningSceneWorld alone
+    world = _table(scene.get("world") or scene, "world")  # a PlanningSceneWorld alone
     if "collision_objects" not in world:
         raise ProblemError("no planning scene of MoveIt: it has no world with collision_objects")
     _refuse(scene, world)

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import number, numbers, shown, text
+from armdyn.arguments import number, several, shown, text
 from armdyn.arrays import Array, Flags
 from armdyn.errors import ProblemError
 from armdyn.locks import cached_property
@@ -291,7 +291,7 @@ def swing(axis: Array, turned: Array) -> Array:
 
 
 def _free_of(free: object, placement: Placement) -> tuple[str, ...]:
-    if not isinstance(free, tuple | list) or not all(name in DIRECTIONS for name in free):
+    if not isinstance(free, tuple | list) or not all(isinstance(name, str) and name in DIRECTIONS for name in free):
         raise ProblemError(f"free is {shown(free)}; it is a tuple of some of {', '.join(DIRECTIONS)}")
     names = tuple(free)
     turns = {name for name in names if name.startswith("r")}
@@ -303,7 +303,7 @@ def _free_of(free: object, placement: Placement) -> tuple[str, ...]:
 def _tolerance_of(tolerance: object, free: tuple[str, ...], placement: Placement) -> tuple[float, ...]:
     values = tuple(
         number(value, "a tolerance of a goal pose", sign="not negative")
-        for value in numbers(tolerance, "tolerance of a goal pose").tolist()
+        for value in several(tolerance, "tolerance of a goal pose")
     )
     if len(values) not in (0, 6):
         raise ProblemError(f"the tolerance of a goal pose has {len(values)} numbers; it takes x, y, z, rx, ry, rz")

@@ -161,7 +161,7 @@ def lower_bound(
         ProblemError: problem is no problem, or stop no function.
         BridgeError: the dynamics have an operation without an interval extension.
     """
-    stopped, numbers = stopper(stop), policy or BoundPolicy()
+    stopped, numbers = stopper(stop), BoundPolicy() if policy is None else expect(policy, BoundPolicy, "policy")
     if expect_problem(problem).kinematic:
         problem = problem.without_torques()
     if problem.goal_pose is None and len(problem.goals) > 1:

@@ -12,7 +12,9 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from armdyn.arguments import each, number, text
 from armdyn.arrays import Array
+from armdyn.errors import ProblemError
 from armdyn.models.scene.collision import Clearance, CollisionModel
 from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
@@ -113,13 +115,25 @@ class PathConstraint(PathConstraintSpec, ABC):
         return None
 
     @classmethod
-    def of_option(cls, values: list[float], frame: str | None) -> Self:
+    def of_option(cls, values: list[float], frame: str | None = None) -> Self:
         """Constraint from `--limit NAME=VALUES[@FRAME]`.
 
         Raises:
-            ProblemError: too many values, or a frame for a constraint without frames.
+            ProblemError: too many values, a frame for a constraint without frames, or a constraint without an option.
         """
-        raise NotImplementedError(f"{cls.__name__} has no option")
+        raise ProblemError(f"{cls.__name__} has no option --limit; it is made in Python")
+
+    @classmethod
+    def option_parts(cls, values: object, frame: object) -> tuple[list[float], str | None]:
+        """The arguments of `of_option`, checked.
+
+        Raises:
+            ProblemError: `values` are no numbers, or `frame` is no text.
+        """
+        found = list(each(values, f"values of --limit {cls.option}", number, finite=False))
+        if not found:
+            raise ProblemError(f"values of --limit {cls.option} are none; give a number")
+        return found, None if frame is None else text(frame, f"frame of --limit {cls.option}")
 
     def under(self, policy: PathConstraintPolicy) -> Self:
         """The constraint with a policy's tuned numbers."""

@@ -49,8 +49,9 @@ class FrameSpeedLimit(PartialLimit):
             text(self.frame, "frame of FrameSpeedLimit")
 
     @classmethod
-    def of_option(cls, values: list[float], frame: str | None) -> Self:
+    def of_option(cls, values: list[float], frame: str | None = None) -> Self:
         """The constraint from an option's number and frame."""
+        values, frame = cls.option_parts(values, frame)
         if len(values) != 1:
             raise ProblemError(f"--limit {cls.option} has {len(values)} numbers; give one, and it again per frame")
         return cls(values[0], frame)

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import number, numbers
+from armdyn.arguments import number
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
@@ -49,7 +49,7 @@ class TorqueRateLimit(PathConstraint):
     )
 
     def __post_init__(self) -> None:
-        numbers(self.limit, "TorqueRateLimit", "one number, or one per joint [N m/s]")
+        per_joint(self.limit, None, "TorqueRateLimit", unit="N m/s", error=ProblemError, finite=False)
 
     @classmethod
     def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
@@ -57,8 +57,9 @@ class TorqueRateLimit(PathConstraint):
         return None if limit is None else cls(limit)
 
     @classmethod
-    def of_option(cls, values: list[float], frame: str | None) -> Self:
+    def of_option(cls, values: list[float], frame: str | None = None) -> Self:
         """Parse one number, or one per joint."""
+        values, frame = cls.option_parts(values, frame)
         if frame is not None:
             raise ProblemError(f"--limit {cls.option}: it limits joints, not frame {frame!r}; leave @{frame} out")
         return cls(values[0] if len(values) == 1 else values)
@@ -207,13 +208,18 @@ class RmsTorque(PartialLimit):
     )
 
     def __post_init__(self) -> None:
-        numbers(self.limit, "RmsTorque limit", "one number, or one per joint [N m]")
+        per_joint(self.limit, None, "RmsTorque limit", unit="N m", error=ProblemError, finite=False)
         number(self.dwell, "RmsTorque dwell", unit="s", sign="not negative")
 
     @classmethod
-    def of_option(cls, values: list[float], frame: str | None) -> Self:
+    def of_option(cls, values: list[float], frame: str | None = None) -> Self:
         """Parse the option: one number, or one per joint; after @ the dwell."""
-        dwell = 0.0 if frame is None else parsed(frame.removesuffix("s"), f"--limit {cls.option}: the dwell after @")
+        values, frame = cls.option_parts(values, frame)
+        dwell = (
+            0.0
+            if frame is None
+            else parsed(frame.removesuffix("s"), f"frame of --limit {cls.option}, the dwell after @")
+        )
         return cls(values[0] if len(values) == 1 else values, dwell)
 
     def option_text(self) -> str:

@@ -57,10 +57,10 @@ def foreign(host: str, hosts: Sequence[str], origins: Sequence[str]) -> bool:
     """
     if len(hosts) != 1 or len(origins) > 1:
         return True
-    if any(urlsplit(one).netloc != hosts[0] for one in origins):
-        return True
     try:
         named = urlsplit(f"//{hosts[0]}").hostname or ""
-    except ValueError:
+        if any(urlsplit(one).netloc != hosts[0] for one in origins):
+            return True
+    except ValueError:  # no address, such as http://[
         return True
     return is_loopback(host) and not is_loopback(named)

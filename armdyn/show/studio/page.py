@@ -2,6 +2,7 @@
 
 import io
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
@@ -18,6 +19,7 @@ import websockets.asyncio.server
 from armdyn.errors import ArmdynError
 from armdyn.models.scene.obstacles import Obstacle
 from armdyn.show.page.scene import playing_speed, short_names
+from armdyn.show.studio.incoming import guard
 from armdyn.show.studio.origins import foreign
 from armdyn.show.studio.scene import SceneView
 from armdyn.show.studio.session import END_NAMES, End, Session
@@ -46,6 +48,8 @@ _STEP = 1e-3
 """Of the joints' sliders [rad or m]."""
 _PHONE = 600
 """A browser less wide has the widgets at its bottom [pixels]."""
+_CLOSING = 0.5
+"""For browsers to be told of the end [s]."""
 _NONE = "none"
 
 
@@ -61,13 +65,16 @@ def serve(session: Session, host: str, port: int, serving: Callable[[int], None]
     with redirect_stdout(io.StringIO()), _same_origin(host):  # viser prints a banner
         server = viser.ViserServer(host, port, label=f"{session.robot.name} – armdyn studio", verbose=False)
     try:
+        guard(server)
         page = Page(server, session)
         serving(server.get_port())
         with redirect_stdout(sys.stderr):  # viser prints of browsers that it refuses
             page.run()
     finally:
         with redirect_stdout(io.StringIO()):
-            server.stop()
+            end = threading.Thread(target=server.stop, daemon=True)  # which waits 6 s for clients that do not answer
+            end.start()
+            end.join(_CLOSING)
 
 
 class Page:

@@ -20,6 +20,7 @@ from armdyn.dynamics import Dynamics
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.values.per_joint import one_or_each
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 
@@ -159,11 +160,11 @@ class Ramps(Checked):
         duration: least and greatest [s].
 
     Raises:
-        ProblemError: durations not positive, or not in order.
+        ProblemError: positions that are not finite; durations not positive, or not in order.
     """
 
-    q_start: ArrayLike
-    q_goal: ArrayLike
+    q_start: ArrayLike = checked(one_or_each, sign="any")
+    q_goal: ArrayLike = checked(one_or_each, sign="any")
     duration: tuple[float, float] = checked(interval, (0.1, 1.0), unit="s", sign="positive")
 
     @property

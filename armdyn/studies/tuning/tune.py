@@ -152,6 +152,7 @@ def tune(
             raise ProblemError(f"no controller was run: {search.refused or 'the search was stopped at once'}")
         own, values = search.best
         others = performance_of(search.setup(values), off, options.index) if off else None
+        status = "interrupted" if stop.interrupted else status
     return Tuned(
         controller=family.controller(values), reference=search.motion(values), values=values, training=own,
         held_out=others, history=tuple(search.history), evaluations=search.evaluations, status=status,

@@ -69,6 +69,16 @@ def test_a_mesh_that_is_no_regular_file(tmp_path):
         list(load_meshes(tmp_path / "a.stl", np.ones(3)))
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_a_mesh_with_a_document_type_is_refused_before_it_is_expanded(tmp_path, encoding):
+    """Ten entities of ten each, nine times: 3 GB of text in a mesh of 1 kB."""
+    entities = "".join(f'<!ENTITY e{i} "{f"&e{i - 1};" * 10 if i else "x" * 10}">' for i in range(9))
+    text = f'<?xml version="1.0" encoding="{encoding}"?><!DOCTYPE COLLADA [{entities}]><COLLADA>&e8;</COLLADA>'
+    (tmp_path / "a.dae").write_text(text, encoding)
+    with pytest.raises(ValueError, match=r"mesh 'a\.dae': it has a DTD"):
+        list(load_meshes(tmp_path / "a.dae", np.ones(3)))
+
+
 def test_files_next_to_a_mesh_are_read_as_it_is(tmp_path):
     """A material is read where it is a file of the mesh's folder; a pipe is not waited for."""
     folder = tmp_path / "meshes"

@@ -81,7 +81,7 @@ def test_a_motion_that_begins_in_flight_begins_with_any_torque():
     ("limit", "says"),
     [
         (0.0, r"of joint 'joint1' is 0\.0 N m/s \(index 0\); it must be positive"),
-        ([1.0, np.nan], "of joint 'joint2' is nan"),
+        ([1.0, np.nan], r"TorqueRateLimit is nan N m/s \(index 1\)"),
         ([1.0, 2.0, 3.0], r"has shape \(3,\); expected one number or 2, one per joint: joint1, joint2"),
     ],
 )

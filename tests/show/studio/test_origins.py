@@ -20,6 +20,8 @@ from armdyn.show.studio.origins import foreign, free_port, is_loopback
         ("127.0.0.1", ["evil.example:8080"], ["http://evil.example:8080"], True),  # a name that leads here
         ("127.0.0.1", [], [], True),
         ("127.0.0.1", ["[::1"], [], True),
+        ("127.0.0.1", ["127.0.0.1:8080"], ["http://["], True),
+        ("127.0.0.1", ["127.0.0.1:8080"], ["http://a]b"], True),
         ("0.0.0.0", ["lab.local:8080"], ["http://lab.local:8080"], False),
         ("0.0.0.0", ["lab.local:8080"], ["https://evil.example"], True),
     ],

@@ -4,6 +4,7 @@ import contextlib
 import http.client
 import json
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -11,9 +12,13 @@ import sys
 import time
 from types import SimpleNamespace
 
+import msgspec
 import numpy as np
 import psutil
 import pytest
+import viser
+import zstandard
+from websockets.sync.client import connect
 
 import armdyn as ad
 from armdyn.models.scene.reaching import frame_placement
@@ -161,7 +166,9 @@ def test_a_fresh_studio_with_two_browsers(chromium, tmp_path):
             a_motion_follows_the_keyboard(desktop)
             obstacles_load_and_files(desktop, tmp_path)
             desktop.close()
-            ctrl_c_ends_it_and_no_process_is_left(process)
+            malformed_messages_are_dropped(said["port"])
+            with socket.create_connection(("127.0.0.1", said["port"])):  # a client that says nothing: it took 6 s
+                ctrl_c_ends_it_and_no_process_is_left(process, 5.0)
 
 
 def leave_a_state(folder):
@@ -303,11 +310,44 @@ def test_a_motion_appears_and_a_killed_studio_takes_up_its_last_state(chromium, 
         assert json.loads((tmp_path / "studio.json").read_text())["state"]["goal"] == [0.7, POSES["rr"][1][1]]
 
 
-def ctrl_c_ends_it_and_no_process_is_left(process):
+def malformed_messages_are_dropped(port):
+    """Values that no widget has, and poses that are none, from a client that is one of viser's otherwise."""
+    with connect(f"ws://127.0.0.1:{port}", subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as client:
+        camera = dict.fromkeys(("position", "look_at", "up_direction"), (0.0, 0.0, 1.0)) | {"wxyz": [1.0, 0, 0, 0]}
+        sizes = {"fov": 1.0, "near": 0.1, "far": 9.0, "image_height": 800, "image_width": 1000}
+        client.send(msgspec.msgpack.encode({"type": "ViewerCameraMessage", **camera, **sizes}))
+        names = set()
+        until = time.monotonic() + 2.0
+        with contextlib.suppress(TimeoutError):
+            while (raw := client.recv(timeout=1.0)) and time.monotonic() < until:
+                packed = raw[raw.find(b"\x28\xb5\x2f\xfd") :]  # zstandard's mark
+                names.update(
+                    re.findall(
+                        rb"\xd9\x24([0-9a-f-]{36})", zstandard.ZstdDecompressor().decompressobj().decompress(packed)
+                    )
+                )
+        assert len(names) > 20
+        for name in names:
+            for updates in (
+                {"value": [1, 2, 3]},
+                {"value": "abc"},
+                {"value": float("nan")},
+                {"min": "x"},
+                {"options": 1},
+            ):
+                message = {"type": "GuiUpdateMessage", "uuid": name.decode(), "updates": updates}
+                client.send(msgspec.msgpack.encode(message))
+        for wxyz, position in (([1], [0, 0, 0]), ([0, 0, 0, 0], [0, 0, 0]), ([1, 0, 0, 0], [float("nan")] * 3)):
+            pose = {"wxyz": wxyz, "position": position, "owner": "server"}
+            client.send(msgspec.msgpack.encode({"type": "TransformControlsUpdateMessage", "name": "/goal", **pose}))
+        time.sleep(0.5)
+
+
+def ctrl_c_ends_it_and_no_process_is_left(process, within=30.0):
     born = psutil.Process(process.pid).children(recursive=True)
     assert born  # the solver's
     os.kill(process.pid, signal.SIGINT)
-    out, err = process.communicate(timeout=30)
+    out, err = process.communicate(timeout=within)
     assert process.returncode == 130
     assert json.loads(out.splitlines()[-1])["status"] == "interrupted"
     assert "Traceback" not in err
