@@ -4,7 +4,6 @@ import warnings
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 from armdyn.arrays import Array
 from armdyn.errors import ArmdynWarning, TrajectoryError
@@ -116,7 +115,7 @@ def _compare(t: Array, values: Array, rates: Array, name: str, what: str, called
     """
     at = np.append(np.arange(0, t.size - 1, max(1, t.size // _BLOCKS)), t.size - 1)
     change = np.diff(values[at], axis=0)
-    summed = np.diff(cumulative_trapezoid(rates, t, axis=0, initial=0)[at], axis=0)
+    summed = np.diff(_integrals(rates, t)[at], axis=0)
     if not np.any(rates) and np.any(change) and t.size >= (3 if what == "positions" else _ROWS):
         _warn(
             f"{name}: all {called} are 0 although {what} change, as of a motion that stops at each of {t.size} points; "
@@ -132,9 +131,15 @@ def _compare(t: Array, values: Array, rates: Array, name: str, what: str, called
     return change, summed
 
 
+def _integrals(rates: Array, t: Array) -> Array:
+    """Integrals up to each row by the trapezoidal rule; SciPy's function, which would load it for every robot."""
+    steps = np.diff(t)[:, None] * (rates[1:] + rates[:-1]) / 2
+    return np.vstack([0 * rates[:1], np.cumsum(steps, axis=0)])
+
+
 def _misfits(t: Array, rates: Array, change: Array, summed: Array) -> list[int]:
     """Indices of joints whose rates, in a fine table, do not sum up to the changes."""
-    sums, halved = (cumulative_trapezoid(rates[::k], t[::k], axis=0, initial=0) for k in (1, 2))
+    sums, halved = (_integrals(rates[::k], t[::k]) for k in (1, 2))
     fine = np.ptp(sums[::2] - halved, axis=0) <= _FINE * np.ptp(sums, axis=0)
     moved, sizes = np.ptp(np.cumsum(change, axis=0), axis=0), np.linalg.norm([change, summed], axis=1).max(axis=0)
     apart = np.linalg.norm(change - summed, axis=0) > _UNLIKE * sizes
