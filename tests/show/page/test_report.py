@@ -287,3 +287,8 @@ def test_seconds_that_more_of_a_limit_saves_are_no_powers_of_ten_of_ms():
     facts = Facts({"decides": [{"joint": "j", "limit": "velocity limit", "part": 1.0}], "calm": 0.137})
     section = deciding_section(facts, 300.0)
     assert "1 % more saves 3 s" in section.body and "140 ms are given" in section.body
+
+
+def test_a_motion_without_a_result_is_not_said_to_be_of_another_planner():
+    verdict = verdict_of(Facts({"feasible": True, "replay_error": 1e-9, "growth": 1.0}))
+    assert verdict.headline == "Keeps its limits" and "planner" not in verdict.said
