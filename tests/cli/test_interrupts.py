@@ -230,3 +230,31 @@ from armdyn.cli import main; main()
     assert facts["message"].startswith("interrupted after the motion was found")
     assert (tmp_path / "out" / "trajectory.npz").exists()
     assert json.loads((tmp_path / "out" / "result.json").read_text())["status"] == "interrupted"
+
+
+PRESSED = """
+import os, signal, sys
+from armdyn.cli import main
+from armdyn.studies.tuning.tune import GainSearch
+sys.argv = ["armdyn", *sys.argv[1:]]
+plain = GainSearch.go
+def go(*arguments):
+    status = "generations" if {late} else None
+    status = plain(*arguments) if status else status
+    os.kill(os.getpid(), signal.SIGINT)
+    return status or plain(*arguments)
+GainSearch.go = go
+main()
+"""
+"""`armdyn tune` with Ctrl-C before its search, or after it."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("late", [False, True])
+def test_tune_is_interrupted_before_and_after_its_search(late, tmp_path):
+    """It had exit code 2 where no controller had been run, and 0 where all had."""
+    few = ["--generations", "1", "--members", "2", "--held-out", "2", "--duration", "0.3"]
+    done = python(PRESSED.format(late=late), "tune", "r", *few, "--json", "--out", str(tmp_path))
+    facts = json.loads(done.stdout)
+    assert (done.returncode, facts["status"], facts["success"]) == (130, "interrupted", False), done.stderr
+    assert facts["message"].endswith(f"controllers that were run are in {tmp_path}: the same command goes on")

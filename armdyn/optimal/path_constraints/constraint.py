@@ -124,7 +124,7 @@ class PathConstraint(PathConstraintSpec, ABC):
         raise ProblemError(f"{cls.__name__} has no option --limit; it is made in Python")
 
     @classmethod
-    def option_parts(cls, values: object, frame: object) -> tuple[list[float], str | None]:
+    def _option_parts(cls, values: object, frame: object) -> tuple[list[float], str | None]:
         """The arguments of `of_option`, checked.
 
         Raises:

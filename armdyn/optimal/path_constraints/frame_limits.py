@@ -51,7 +51,7 @@ class FrameSpeedLimit(PartialLimit):
     @classmethod
     def of_option(cls, values: list[float], frame: str | None = None) -> Self:
         """The constraint from an option's number and frame."""
-        values, frame = cls.option_parts(values, frame)
+        values, frame = cls._option_parts(values, frame)
         if len(values) != 1:
             raise ProblemError(f"--limit {cls.option} has {len(values)} numbers; give one, and it again per frame")
         return cls(values[0], frame)

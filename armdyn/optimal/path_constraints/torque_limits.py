@@ -59,7 +59,7 @@ class TorqueRateLimit(PathConstraint):
     @classmethod
     def of_option(cls, values: list[float], frame: str | None = None) -> Self:
         """Parse one number, or one per joint."""
-        values, frame = cls.option_parts(values, frame)
+        values, frame = cls._option_parts(values, frame)
         if frame is not None:
             raise ProblemError(f"--limit {cls.option}: it limits joints, not frame {frame!r}; leave @{frame} out")
         return cls(values[0] if len(values) == 1 else values)
@@ -214,7 +214,7 @@ class RmsTorque(PartialLimit):
     @classmethod
     def of_option(cls, values: list[float], frame: str | None = None) -> Self:
         """Parse the option: one number, or one per joint; after @ the dwell."""
-        values, frame = cls.option_parts(values, frame)
+        values, frame = cls._option_parts(values, frame)
         dwell = (
             0.0
             if frame is None
