@@ -156,8 +156,8 @@ JUMP, GAP = np.where(np.arange(2000) < 1000, 0, -0.2), np.where(np.arange(2000) 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"q": np.rad2deg(BAD["q"])}, r"velocities are 0.017\d times .*: are positions degrees\? .*'q1 \[deg\]'"),
-        ({"v": np.rad2deg(BAD["v"])}, r"velocities are 57.\d times .*: are velocities degrees\? .*'v1 \[deg/s\]'"),
+        ({"q": np.rad2deg(BAD["q"])}, r"velocities are 0.017\d+ times .*: are positions degrees\? .*'q1 \[deg\]'"),
+        ({"v": np.rad2deg(BAD["v"])}, r"velocities are 57.\d+ times .*: are velocities degrees\? .*'v1 \[deg/s\]'"),
         ({"v": BAD["v"][:, [1, 0, 2]]}, "velocity of joint1 .* is that of joint2: q and v have different orders"),
         (
             {"tau": BAD["tau"] / 30},
