@@ -8,7 +8,7 @@ import pinocchio as pin
 from armdyn.arrays import Array
 from armdyn.identification.equations import Equations, in_tip
 from armdyn.identification.estimate import Estimate, Estimated, Judged
-from armdyn.identification.fitting import Fit, sandwich
+from armdyn.identification.fitting import Fit
 from armdyn.identification.unknowns import parameters_of
 from armdyn.models.robots.arm import payload_inertia
 from armdyn.models.robots.robot import Robot
@@ -27,7 +27,13 @@ _DIFFERENCE = 1e-5
 
 
 def assembled(
-    robot: Robot, equations: Equations, fit: Fit, judged: Judged | None, unmoved: tuple[str, ...]
+    robot: Robot,
+    equations: Equations,
+    fit: Fit,
+    covariance: Array,
+    judged: Judged | None,
+    unmoved: tuple[str, ...],
+    patterns: tuple[str, ...],
 ) -> Estimate:
     """The estimate of a fit.
 
@@ -35,8 +41,10 @@ def assembled(
         robot: the prior, with its payload.
         equations: the fitted equations.
         fit: their fit.
+        covariance: of the unknowns, by the prior's own width and the patterns, shape (p, p).
         judged: torque errors on data held out.
         unmoved: joints that hardly move.
+        patterns: sentences on those that the residuals show.
     """
     *_, offset = equations.unknowns.numbers(fit.x)
     combinations = equations.structural_rank
@@ -44,7 +52,7 @@ def assembled(
     return Estimate(
         robot=equations.robot_at(fit.x),
         offset=offset,
-        parameters=tuple(_parameters(robot, equations, fit)),
+        parameters=tuple(_parameters(robot, equations, fit, covariance)),
         judged=judged,
         noise=fit.noise,
         weight=fit.weight,
@@ -52,6 +60,7 @@ def assembled(
         measured_combinations=int(np.sum(values > fit.weight)),
         condition=float(np.sqrt(values[0] / max(values[-1], 1e-300))),
         unmoved=unmoved,
+        warnings=patterns,
         equations=equations,
         fit=fit,
     )
@@ -80,11 +89,10 @@ def _given(robot: Robot, equations: Equations) -> Array:
     return equations.replaced
 
 
-def _parameters(robot: Robot, equations: Equations, fit: Fit) -> Iterator[Estimated]:
+def _parameters(robot: Robot, equations: Equations, fit: Fit, covariance: Array) -> Iterator[Estimated]:
     unknowns = equations.unknowns
     hessian = unknowns.divergence_near(fit.x).hessian
     spread = np.linalg.inv(hessian) / max(1.0, fit.weight)
-    covariance = _covariance(equations, fit)
 
     def estimated(name: str, unit: str, prior: float, value: float, gradient: Array) -> Estimated:
         variance, before = (np.maximum(gradient @ one @ gradient, 1e-300) for one in (covariance, spread))
@@ -113,19 +121,6 @@ def _parameters(robot: Robot, equations: Equations, fit: Fit) -> Iterator[Estima
             unit = _UNITS[kind][bool(robot.slides[j])]
             yield estimated(f"{kind} of {robot.joint_names[j]}", unit, before[j], after[j], row(start + j, sizes[j]))
         start += sizes.size
-
-
-def _covariance(equations: Equations, fit: Fit) -> Array:
-    """Covariance of the unknowns where the prior has its own width, whatever weight the fit gave it, shape (p, p).
-
-    Cross-validation chooses the prior's weight by what the log measures; of the other combinations, such as mass
-    against armature of a joint that slides, it knows nothing, nor does a tenth of the torques as a guess of friction.
-    Its distance from the fit under the widest prior counts as an error of the estimate.
-    """
-    units = equations.unknowns.in_units_of(equations.widest)
-    prior = units.T @ units
-    away = fit.x - np.linalg.solve(fit.normal.matrix + prior, fit.normal.vector)
-    return np.asarray(sandwich(fit.normal.matrix, fit.scores, prior) + np.outer(away, away))
 
 
 def _jacobian(function: Callable[[Array], Array], x: Array, count: int) -> Array:

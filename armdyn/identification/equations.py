@@ -150,6 +150,12 @@ class Equations:
         return robot.with_friction(damping, coulomb, self.width)
 
     @cached_property
+    def own_precision(self) -> Array:
+        """Information of the prior by its own width, shape (p, p)."""
+        units = self.unknowns.in_units_of(self.widest)
+        return np.asarray(units.T @ units)
+
+    @cached_property
     def structural_rank(self) -> int:
         """Number of identifiable combinations of the unknowns, from the regressor at random states."""
         rng, limits = np.random.default_rng(0), self.robot.limits

@@ -111,7 +111,8 @@ class Estimate:
         condition: condition number of the regressor on those combinations, unknowns relative to the prior.
         unmoved: joints that hardly move in the logs.
         unfit: why the estimate should not be used, in a sentence; empty: it may be.
-        warnings: a sentence where inertias that are taken from the robot contradict the logs.
+        warnings: sentences on joints whose residuals depend on torque, direction, speed, position or reversals, and
+            where inertias that are taken from the robot contradict the logs.
     """
 
     robot: Robot

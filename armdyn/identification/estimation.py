@@ -15,8 +15,9 @@ from armdyn.identification.assembly import assembled
 from armdyn.identification.checks import MOVED, check_log
 from armdyn.identification.equations import WHAT, Equations, What, means_of
 from armdyn.identification.estimate import Estimate, Judged
-from armdyn.identification.fitting import Fit, FitOptions, fit
+from armdyn.identification.fitting import Fit, FitOptions, fit, own_covariance
 from armdyn.identification.log import Log, Signals
+from armdyn.identification.residuals import Pattern, patterns
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.reprs import brief
 
@@ -119,20 +120,37 @@ def identify(
     judged = None
     if options.held_out:
         rest = [one.part(int(kept * one.t.size), one.t.size) for one in signals]
-        begun = _estimate(robot, [one.part(0.0, kept) for one in systems], None, unmoved, options)
+        begun = _estimate(robot, [one.part(0.0, kept) for one in systems], None, unmoved, options, [])
         judged = _judged(robot, begun, rest, options.step)
-    estimate = _estimate(robot, systems, judged, unmoved, options)
-    if unfit := _unfit(estimate):
+    estimate = _estimate(robot, systems, judged, unmoved, options, signals)
+    if unfit := _unfit(estimate) or estimate.unfit:
         return replace(estimate, unfit=unfit)
-    return estimate if what == "all" else replace(estimate, warnings=_warnings(robot, estimate, signals, options))
+    links = () if what == "all" else _warnings(robot, estimate, signals, options)
+    return replace(estimate, warnings=(*estimate.warnings, *links))
 
 
 def _estimate(
-    robot: Robot, systems: list[_System], judged: Judged | None, unmoved: tuple[str, ...], options: IdentifyOptions
+    robot: Robot,
+    systems: list[_System],
+    judged: Judged | None,
+    unmoved: tuple[str, ...],
+    options: IdentifyOptions,
+    signals: list[Signals],
 ) -> Estimate:
-    """The estimate of the best of the systems."""
+    """The estimate of the best of the systems; its residuals are tested on the signals, if there are any."""
     try:
-        return assembled(robot, *_fitted(systems, options), judged, unmoved)
+        best = _best(systems)
+        found, (columns, torque) = best.fit(options.fit), best.joined
+        means = [(one, one.samples_in(options.step)) for one in signals]
+        seen = patterns(best.equations, found, columns, torque, means) if signals else []
+        columns = np.concatenate([columns, *(one.columns for one in seen)], axis=2)
+        covariance = own_covariance(found, best.equations.own_precision, columns, torque)
+        first: dict[int, Pattern] = {}  # of each joint the one that makes the fit useless, or the most significant
+        for one in sorted((one for one in seen if one.words), key=lambda one: not one.unfit):
+            first.setdefault(one.joint, one)
+        words = {one: f"joint {robot.joint_names[j]}: {one.words}" for j, one in first.items()}
+        estimate = assembled(robot, best.equations, found, covariance, judged, unmoved, tuple(words.values()))
+        return replace(estimate, unfit="; ".join(said for one, said in words.items() if one.unfit))
     except np.linalg.LinAlgError:  # unknowns next to the border of physical bodies, a thousand times the prior
         raise LogError(f"the logs cannot be fitted: {_FAR}") from None
 
@@ -230,7 +248,12 @@ class _System:
 
     def fit(self, options: FitOptions) -> Fit:
         """The fit to the torques of all logs."""
-        return fit(self.equations.unknowns, np.concatenate(self.columns), np.concatenate(self.torque), options)
+        return fit(self.equations.unknowns, *self.joined, options)
+
+    @property
+    def joined(self) -> tuple[Array, Array]:
+        """Columns and torques of all logs, one after the other."""
+        return np.concatenate(self.columns), np.concatenate(self.torque)
 
 
 def _systems(
@@ -250,16 +273,14 @@ def _systems(
     return systems
 
 
-def _fitted(systems: list[_System], options: IdentifyOptions) -> tuple[Equations, Fit]:
-    """Fit with the widths of Coulomb friction that minimise each joint's residuals; the equations and the fit."""
-    best = systems[0]
-    if len(systems) > 1:
-        noise = np.array([one.fit(FitOptions(weights=(1.0,), rounds=2)).noise for one in systems])
-        common = int(np.argmin(np.sum(np.log(noise), axis=1)))
-        better = np.min(noise, axis=0) < _OWN_WIDTH * noise[common]
-        chosen = np.where(better, np.argmin(noise, axis=0), common)
-        best = _joined([systems[k] for k in chosen])
-    return best.equations, best.fit(options.fit)
+def _best(systems: list[_System]) -> _System:
+    """The system with the widths of Coulomb friction that minimise each joint's residuals."""
+    if len(systems) == 1:
+        return systems[0]
+    noise = np.array([one.fit(FitOptions(weights=(1.0,), rounds=2)).noise for one in systems])
+    common = int(np.argmin(np.sum(np.log(noise), axis=1)))
+    better = np.min(noise, axis=0) < _OWN_WIDTH * noise[common]
+    return _joined([systems[k] for k in np.where(better, np.argmin(noise, axis=0), common)])
 
 
 def _joined(systems: list[_System]) -> _System:

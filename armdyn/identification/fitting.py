@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.optimize import brentq
 
 from armdyn.arrays import Array
@@ -42,7 +43,7 @@ class Normal(NamedTuple):
     def of(cls, columns: Array, torque: Array, weights: Array) -> Normal:
         """Normal equations of columns, shape (m, nv, p), torques and weights, shape (m, nv)."""
         flat, weighted = columns.reshape(-1, columns.shape[-1]), (torque * weights).ravel()
-        return cls((flat * weights.reshape(-1, 1)).T @ flat, flat.T @ weighted, float(weighted @ torque.ravel()))
+        return cls(normal_matrix(columns, weights), flat.T @ weighted, float(weighted @ torque.ravel()))
 
     def __sub__(self, other: Normal) -> Normal:
         return Normal(self.matrix - other.matrix, self.vector - other.vector, self.constant - other.constant)
@@ -50,6 +51,12 @@ class Normal(NamedTuple):
     def squares(self, x: Array) -> float:
         """Sum of the weighted squared residuals."""
         return float(x @ self.matrix @ x - 2 * self.vector @ x + self.constant)
+
+
+def normal_matrix(columns: Array, weights: Array) -> Array:
+    """Matrix of the normal equations of columns, shape (m, nv, p), and weights, shape (m, nv)."""
+    flat = columns.reshape(-1, columns.shape[-1])
+    return np.asarray((flat * weights.reshape(-1, 1)).T @ flat)
 
 
 def minimise(unknowns: Unknowns, normal: Normal, weight: float, start: Array) -> Array:
@@ -156,7 +163,8 @@ class Fit:
         weight: of the divergence.
         noise: standard deviation of the joints' residuals [N m or N], shape (nv,).
         normal: the weighted normal equations.
-        scores: covariance of the residuals' scores, shape (p, p): the normal matrix with their autocorrelation.
+        weights: of the equations, shape (m, nv).
+        inflation: sum of the residuals' autocorrelation, shape (nv,).
         covariance: of the unknowns, shape (p, p).
     """
 
@@ -164,7 +172,8 @@ class Fit:
     weight: float
     noise: Array
     normal: Normal
-    scores: Array
+    weights: Array
+    inflation: Array
     covariance: Array
 
 
@@ -192,14 +201,15 @@ def fit(unknowns: Unknowns, columns: Array, torque: Array, options: FitOptions) 
         residual = torque - columns @ x
         noise = np.maximum(1.4826 * np.median(np.abs(residual - np.median(residual, axis=0)), axis=0), floor)
         inflation = autocorrelation(residual, options.huber * noise, options.least_inflation)
-    scores = Normal.of(columns, np.zeros(torque.shape), weights * inflation).matrix
+    scores = normal_matrix(columns, weights * inflation)
     prior = weight * unknowns.divergence_near(x).hessian
     return Fit(
         x=x,
         weight=weight,
         noise=noise,
         normal=normal,
-        scores=scores,
+        weights=weights,
+        inflation=inflation,
         covariance=sandwich(normal.matrix, scores, prior),
     )
 
@@ -250,3 +260,23 @@ def sandwich(matrix: Array, scores: Array, prior: Array) -> Array:
     middle = np.linalg.solve(lower, np.linalg.cholesky(scores + prior))
     root = np.linalg.solve(lower.T, middle)
     return np.asarray(root @ root.T)
+
+
+def own_covariance(fit: Fit, prior: Array, columns: Array, torque: Array) -> Array:
+    """Covariance of the unknowns where the prior has its own width, whatever weight the fit gave it, shape (p, p).
+
+    Cross-validation chooses the prior's weight by what the log measures; of the other combinations, such as mass
+    against armature of a joint that slides, it knows nothing, nor does a tenth of the torques as a guess of friction.
+    Patterns of the residuals are further unknowns. What the widest prior and they change in the estimate is its error.
+
+    Args:
+        fit: the fit.
+        prior: information of the prior by its own width, shape (p, p).
+        columns: of the fit, then of patterns of its residuals in units that hold their largest, shape (m, nv, p + k).
+        torque: measured minus known [N m or N], shape (m, nv).
+    """
+    own = slice(0, fit.x.size)
+    prior = block_diag(prior, np.eye(columns.shape[2] - fit.x.size))
+    normal, scores = Normal.of(columns, torque, fit.weights), normal_matrix(columns, fit.weights * fit.inflation)
+    away = fit.x - np.linalg.solve(normal.matrix + prior, normal.vector)[own]
+    return np.asarray(sandwich(normal.matrix, scores, prior)[own, own] + np.outer(away, away))

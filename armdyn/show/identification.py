@@ -66,8 +66,8 @@ def _verdict(estimate: Estimate) -> Verdict:
     if why := estimate.unfit:
         return Verdict("bad", "Not to be used", f"{why[:1].upper()}{why[1:]}.")
     if estimate.warnings:
-        text = estimate.warnings[0]
-        return Verdict("fair", "The robot's links differ from those of the logs", f"{text[:1].upper()}{text[1:]}.")
+        text = ". ".join(f"{one[:1].upper()}{one[1:]}" for one in estimate.warnings)
+        return Verdict("fair", "The model differs from the arm of the logs", f"{text}.")
     judged, worse = estimate.judged, []
     if judged is not None:
         joints = zip(estimate.robot.joint_names, judged.before, judged.after, strict=True)

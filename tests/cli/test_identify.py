@@ -97,7 +97,7 @@ def test_a_payload_that_makes_up_for_wrong_inertias_is_warned_of(tmp_path):
         )
     )
     assert facts["status"] == "identified"
-    assert re.fullmatch(r"the logs ask for other inertias .* \(leave out --payload-only\)", *facts["warnings"])
+    assert re.fullmatch(r"the logs ask for other inertias .* \(leave out --payload-only\)", facts["warnings"][-1])
     assert "The logs ask for other inertias of the links" in Path(facts["files"][1]).read_text()
 
 

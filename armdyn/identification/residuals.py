@@ -1,0 +1,183 @@
+"""Tests of the residuals of a fit: do they depend on torque, direction, speed, position or reversals?
+
+Each pattern is a column that the model lacks. Its score test counts autocorrelated terms as fewer ones, as the
+intervals do, and terms that few equations carry by Student's distribution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import stdtr
+
+from armdyn.arrays import Array
+from armdyn.identification.equations import Equations, means_of, rigid_torques
+from armdyn.identification.fitting import Fit, autocorrelation
+from armdyn.identification.log import Signals
+from armdyn.reprs import joint_unit
+
+FALSE_ALARMS = 0.01
+"""Probability that any test of a log says a pattern where there is none."""
+_SLOW = 0.1, 0.3
+"""Speeds below which friction may rise [rad/s or m/s]; others are combinations of these and the model's own."""
+_TURNING = 3
+"""Averaged torques to either side of a reversal that count as next to it: 60 ms cross a gear's play."""
+_CLIPPED = 12.0
+"""Largest squared residual, in variances, that counts."""
+_SIGNIFICANT = 3e-4
+"""Part of a joint's torque limit below which a pattern is none: a simulated log without noise leaves as much."""
+_ONE_SIDED = 0.3
+"""Part of Coulomb friction by which it may differ with the direction, without a test that says so: but for the slow
+passage of a reversal the difference is the torque sensor's offset."""
+_SHIFT = 1e-5
+"""Step of the derivative of torques by the positions [rad or m]."""
+_FRICTION = "friction is not the model's"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Pattern:
+    """A dependence that the residuals show.
+
+    Attributes:
+        probability: of a dependence as strong, or stronger, by chance.
+        joint: its index.
+        words: what it depends on, how much, and why, in a sentence.
+        columns: change of the torques with the pattern, in units of the joint's torque, shape (m, nv, k).
+        unfit: whether intervals do not hold, however wide the pattern makes them.
+    """
+
+    probability: float
+    joint: int
+    words: str
+    columns: Array
+    unfit: bool = False
+
+
+def patterns(
+    equations: Equations, fit: Fit, columns: Array, torque: Array, means: list[tuple[Signals, int]]
+) -> list[Pattern]:
+    """Significant patterns, the most significant first, then, without words, those that no test rules out.
+
+    Args:
+        equations: of the fit.
+        fit: the fit.
+        columns: its columns, shape (m, nv, p).
+        torque: measured minus known [N m or N], shape (m, nv).
+        means: the logs, and the number of samples that the columns are averaged over.
+    """
+    tests = _Tests(equations, fit, columns, torque, means)
+    found = [own for j in range(equations.robot.nv) for own in tests.of_joint(j)]
+    shown = (one for one in found if one.probability * len(found) < FALSE_ALARMS)
+    return [*sorted(shown, key=lambda one: one.probability), *tests.hidden()]
+
+
+class _Tests:
+    """Residuals, and the signals on which they may depend, as means."""
+
+    def __init__(
+        self, equations: Equations, fit: Fit, columns: Array, torque: Array, means: list[tuple[Signals, int]]
+    ) -> None:
+        self.fit, self.columns, self.torque = fit, columns, torque
+        self.slides, self.prior = equations.robot.slides, equations.own_precision
+        self.inverse = np.linalg.inv(fit.normal.matrix + self.prior)
+        self.residual = torque - columns @ fit.x
+        averaged = [[means_of(own, every) for own in self._signals(one, equations.width)] for one, every in means]
+        self.q, self.v, self.a, tau, sign, both, *slow = map(np.concatenate, zip(*averaged, strict=True))
+        self.sign, self.both, self.slow, self.tau = sign, both, slow, tau - self.residual
+        self.size = np.sqrt(np.mean(tau**2, axis=0)) + 1e-12
+        ranges = equations.robot.limits.actuators
+        limit = np.minimum(np.abs(ranges.lower), np.abs(ranges.upper))
+        self.least = _SIGNIFICANT * np.where(np.isfinite(limit), limit, 0.0)
+        self.coulomb = equations.unknowns.numbers(fit.x)[2]
+        robot, nv = equations.robot_at(fit.x), equations.robot.nv
+        self.gradient = np.stack(
+            [
+                (rigid_torques(robot, self.q + step, self.v, self.a) - rigid_torques(robot, self.q, self.v, self.a))
+                / _SHIFT
+                for step in _SHIFT * np.eye(nv)
+            ]
+        )
+
+    def hidden(self) -> Iterator[Pattern]:
+        """Friction that differs with the direction by a part of it, of each joint."""
+        for j, size in enumerate(_ONE_SIDED * self.coulomb):
+            yield Pattern(probability=1.0, joint=j, words="", columns=size * self._own(j, self.both[:, j])[..., None])
+
+    @staticmethod
+    def _signals(one: Signals, width: float | Array) -> list[Array]:
+        sign = np.tanh(one.v / width)
+        own = [sign, np.abs(sign), *(np.exp(-((one.v / speed) ** 2)) * sign for speed in _SLOW)]
+        return [one.q, one.v, one.a, one.tau, *map(one.smoothed, own)]
+
+    def of_joint(self, j: int) -> Iterator[Pattern]:
+        """All tests of a joint."""
+        scale = "the torque sensor's scale differs, or another joint's"
+        unit = joint_unit(self.slides[j : j + 1], "N m", "N")
+        yield self._mean(j, self._own(j, self.tau[:, j]), f"the torque: {{size:.2g}} {unit}; {scale}")
+        yield self._mean(j, self._own(j, self.both[:, j]), f"the direction of motion: {{size:.2g}} {unit}; {_FRICTION}")
+        for slow in self.slow:
+            yield self._mean(j, self._own(j, slow[:, j]), f"the speed: {{size:.2g}} {unit}; {_FRICTION}")
+        place = f"the position: {{size:.2g}} {unit}; gravity, gears or cables are not the model's"
+        for wave in (np.sin, np.cos):
+            yield self._mean(j, self._own(j, wave(self.q[:, j])), place)
+        for signal, what in ((self.v, "motion"), (self.tau, "load")):
+            shift = self.gradient[j] * np.sign(signal[:, j, None])
+            words = (
+                f"position and direction of the {what}: {{shift:.2g}} m{'m' if self.slides[j] else 'rad'} of backlash"
+            )
+            yield self._mean(j, shift, words)
+            yield self._turning(j, signal[:, j], shift, what, unit)
+
+    def _own(self, j: int, values: Array) -> Array:
+        """Columns of a pattern of one joint's torque, shape (m, nv)."""
+        return np.asarray(values[:, None] * (np.arange(self.size.size) == j))
+
+    def _mean(self, j: int, column: Array, words: str) -> Pattern:
+        """Score test of a column, shape (m, nv)."""
+        weights, known = self.fit.weights, self.columns
+        rest = column - known @ (self.inverse @ np.einsum("njp,nj->p", known, weights * column))
+        terms = np.sum(weights * rest * column, axis=1)
+        information = float(np.sum(terms))
+        shape = column[..., None] * self.size[j] / max(float(np.max(np.abs(column))), 1e-12)
+        if information < 1e-9 * float(np.sum(weights * column**2)) or not information:
+            return Pattern(probability=1.0, joint=j, words="", columns=shape)
+        amount = float(np.sum(weights * rest * self.torque)) / information
+        scores = np.sum(weights * rest * (self.residual - amount * rest), axis=1)
+        inflation = float(autocorrelation(scores[:, None], np.full(1, np.inf), 1.0)[0])
+        deviation = np.sqrt(np.sum(scores**2) * inflation) / information
+        carried = np.sum(weights * rest**2, axis=1)
+        freedom = max(1.0, float(np.sum(carried) ** 2 / np.sum(carried**2)) - 1)
+        size = abs(amount) * float(np.max(np.abs(rest[:, j])))
+        said = words.format(shift=1e3 * abs(amount), size=size)
+        chance = 2 * float(stdtr(freedom, -abs(amount) / max(deviation, 1e-300)))
+        probability = chance if size > self.least[j] else 1.0
+        return Pattern(probability=probability, joint=j, words=f"residual depends on {said}", columns=shape)
+
+    def _turning(self, j: int, signal: Array, shift: Array, what: str, unit: str) -> Pattern:
+        """Test whether residuals are larger next to reversals; what the gear's play changes there as columns."""
+        turns = np.concatenate([[False], np.signbit(signal[1:]) != np.signbit(signal[:-1])])
+        near = np.convolve(turns, np.ones(2 * _TURNING + 1), "same") > 0
+        own = [near * one[:, j] for one in (self.sign, self.a)]
+        columns = np.stack([shift, *(self._own(j, one) for one in own)], axis=2)
+        columns = columns * self.size[j] / np.maximum(np.max(np.abs(columns), axis=(0, 1)), 1e-12)
+        square = np.minimum((self.residual[:, j] / self.fit.noise[j]) ** 2, _CLIPPED)
+        if np.sum(turns) < 2 or np.mean(near) > 0.5:  # no reversal, or hardly anything else
+            return Pattern(probability=1.0, joint=j, words="", columns=columns)
+        rest, centred = square[~near], near - np.mean(near)
+        square = square - np.mean(rest)
+        inflation = float(autocorrelation(square[:, None], np.full(1, np.inf), 1.0)[0])
+        value = float(centred @ square / np.sqrt(np.var(rest) * np.sum(centred**2) * inflation))
+        sizes = [float(np.sqrt(np.mean(self.residual[at, j] ** 2))) for at in (near, ~near)]
+        # Friction of another shape errs by less than the friction; play of a gear, which no column describes, by more.
+        more = sizes[0] > self.coulomb[j]
+        why = "more than friction: backlash" if more else f"backlash, or {_FRICTION}"
+        said = f"{sizes[0]:.2g} {unit} against {sizes[1]:.2g} {unit}"
+        return Pattern(
+            probability=float(stdtr(float(np.sum(turns)), -value)) if sizes[0] > self.least[j] else 1.0,
+            joint=j,
+            words=f"residual is larger where the {what} turns back: {said}; {why}",
+            columns=columns,
+            unfit=more,
+        )
