@@ -37,6 +37,7 @@ HOLDS: tuple[Hold, ...] = ("zoh", "continuous")
 
 _SUCH_AS = "Lqr(), ComputedTorque() or Pid(gains)"
 _MOST_DELAY = 100
+_MOST_SEED = 2**64 - 1
 LEAST_RATE, MOST_RATE = 1.0, 1e6
 """Largest rate of a loop [Hz]."""
 
@@ -68,7 +69,7 @@ class Loop(Checked):
     velocity: Velocity = checked(one_of, "filtered", known=VELOCITIES)
     cutoff: float = checked(number, 80.0, unit="Hz", sign="positive")
     noise: float = checked(number, 0.0, unit="rad or m", sign="not negative")
-    seed: int = checked(whole, 0, least=0)
+    seed: int = checked(whole, 0, least=0, most=_MOST_SEED)
     saturate: bool = checked(flag, True)
     antiwindup: Antiwindup = checked(one_of, "conditional", known=ANTIWINDUPS)
     hold: Hold = checked(one_of, "zoh", known=HOLDS)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import Sign, numbers, shown, violated_requirement
+from armdyn.arguments import MOST_MEMBERS, Sign, numbers, shown, violated_requirement
 from armdyn.arrays import Array
 from armdyn.errors import ArmdynError, ProblemError, SpecError, did_you_mean
 
@@ -59,6 +59,8 @@ def per_joint(
 def one_or_each(value: ArrayLike, name: str, *, sign: Sign) -> PerJoint:
     """One number for all joints of an arm that is not known yet, or one per joint; see `per_joint`."""
     array = per_joint(value, None, name, error=ProblemError, sign=sign)
+    if array.size > MOST_MEMBERS:
+        raise ProblemError(f"{name} has {array.size} numbers; expected one, or one per joint, at most {MOST_MEMBERS}")
     return float(array) if array.ndim == 0 else tuple(map(float, array))
 
 

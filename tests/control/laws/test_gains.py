@@ -44,3 +44,8 @@ def test_gains_of_different_lengths():
 def test_gains_of_another_robot():
     with pytest.raises(ProblemError, match="kp has 2 numbers"):
         PidGains(kp=[1, 2], ki=1, kd=1).per_joint(3)
+
+
+def test_gains_of_more_joints_than_any_arm_has():
+    with pytest.raises(ProblemError, match="kp has 1000000 numbers; expected one, or one per joint"):
+        PidGains(kp=np.ones(10**6), ki=1, kd=1)

@@ -41,3 +41,9 @@ def test_the_observers_error_decays_with_both_poles(rate, cutoff):
     assert np.trace(error) == pytest.approx(2 * loop.pole, abs=1e-12)
     assert np.linalg.det(error) == pytest.approx(loop.pole**2, abs=1e-12)
     assert loop.pole == pytest.approx(np.exp(-2 * np.pi * cutoff / rate), rel=1e-14)
+
+
+def test_a_seed_of_thousands_of_digits():
+    """Python prints no integer of more than 4300 digits."""
+    with pytest.raises(ad.ArmdynError, match="seed is"):
+        ad.Loop(seed=10**5000)
