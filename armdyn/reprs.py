@@ -106,6 +106,28 @@ def gap_words(gap: float) -> str:
     return f"proven to be at most {percent(max(gap, 0.0))} slower than the fastest possible"
 
 
+def optimality_words(extremal: bool, gap: float | None) -> str:
+    """The two claims on optimality in a few words: of nearby motions by Pontryagin's conditions, of all by the bound.
+
+    Args:
+        extremal: whether Pontryagin's conditions hold.
+        gap: proven gap, as a part of the lower bound; None: no gap is proven.
+    """
+    proven = gap is not None and gap <= USELESS_GAP
+    near = f"proven within {percent(max(gap or 0.0, 0.0))} of the fastest" if proven else ""
+    return ", ".join(filter(None, ("locally optimal (Pontryagin)" if extremal else "", near))) or "not proven optimal"
+
+
+def saving_words(part: float, duration: float) -> str:
+    """Time saved by one per cent more of a limit, to first order: at most the limit's share, less where joints tie.
+
+    Args:
+        part: share of the duration that the limit decides, −∂ln t_f/∂ln(limit).
+        duration: t_f [s].
+    """
+    return f"saves at most {short_time(part * duration / 100, 2)}"
+
+
 def several_numbers(array: Any) -> str:
     """An array's numbers to four digits, or its shape where they are many."""
     import numpy as np

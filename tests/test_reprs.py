@@ -94,7 +94,7 @@ def solution():
 
 
 def test_a_solution_is_one_line_and_so_is_all_that_it_has(solution):
-    assert repr(solution) == f"<Solution 'rr': {solution.duration:.6g} s, certified>"
+    assert repr(solution) == f"<Solution 'rr': {solution.duration:.6g} s, locally optimal (Pontryagin)>"
     for field in dataclasses.fields(solution):
         content = getattr(solution, field.name)
         if dataclasses.is_dataclass(content):

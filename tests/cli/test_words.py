@@ -32,7 +32,7 @@ def test_a_failure_pretends_no_digits():
 def test_a_success_has_all_of_them():
     solution = solved("r")
     assert solution_words(solution)["duration"] == f"{solution.duration:.9f} s"
-    assert title_words(solution) == f"minimum time {solution.duration:.4f} s, certified"
+    assert title_words(solution) == f"minimum time {solution.duration:.4f} s, locally optimal (Pontryagin)"
 
 
 def test_the_tutorial_explains_lines_that_there_are():
@@ -70,22 +70,22 @@ def test_the_checks_are_said_apart():
 
 
 def test_a_small_gap_certifies_and_a_larger_one_has_a_remedy():
-    assert title_words(bounded(4e-4)).endswith(", certified, gap 0.04 %")
+    assert title_words(bounded(4e-4)).endswith(" s, proven within 0.04 % of the fastest")
     near, far = (solution_words(bounded(gap)) for gap in (4e-4, 2e-2))
     slower = "The motion is executable. It is proven to be at most {} % slower than the fastest possible."
     assert near["verdict"] == slower.format("0.04") and far["verdict"] == slower.format("2")
     assert near["extremal"].startswith("no: ") and "what you can do" not in near
     assert near["lower bound"].startswith("yes: at most 0.04 % above the lower bound of 0.17")
-    assert title_words(bounded(2e-2)).endswith(", not certified, gap 2 %")
+    assert title_words(bounded(2e-2)).endswith(" s, proven within 2 % of the fastest")
     assert "`starts`" in far["what you can do"]
     unproven = bounded(4e-4, goal_error=1e-5)
     assert unproven.certificate.reasons[0] in solution_words(unproven)["verdict"]
     assert "about 0.04 %" in solution_words(unproven)["lower bound"]
-    assert title_words(unproven).endswith(" s, not certified")
+    assert title_words(unproven).endswith(" s, not proven optimal")
 
 
 def test_idle_joints_are_named():
-    assert "joint2: not determined by the duration" in solution_words(bounded(0.0, idle=("joint2",)))["idle"]
+    assert "joint2: decides no part of the time" in solution_words(bounded(0.0, idle=("joint2",)))["idle"]
 
 
 def test_an_unusable_motion_has_its_remedies_first():

@@ -38,7 +38,12 @@ def assembled(
         bound: proven lower bound on the duration [s]; None: unknown. Not used where effort has a weight.
     """
     best, *others = _certified_first(task, _repeated(task, optima), bound)
-    certificate, duration = best.certificate, best.trajectory.duration
+    decides = best.decides
+    if not decides and best.phases:
+        decides = deciding(task.problem, best.phases, task.policy.arcs.least_share)
+    deciders = {one.joint for one in decides}
+    idle = tuple(name for name in best.certificate.idle if name not in deciders)
+    certificate, duration = replace(best.certificate, idle=idle), best.trajectory.duration
     status = _status(task, best, found)
     remark = "" if certificate.ok else found.remark
     known = [duration, *(optimum.trajectory.duration for optimum in others), *found.slower]
@@ -65,8 +70,7 @@ def assembled(
         moves=_moves(task, best),
         calm=best.calm,
         search_remark=remark,
-        decides=best.decides
-        or (deciding(task.problem, best.phases, task.policy.arcs.least_share) if best.phases else ()),
+        decides=decides,
     )
 
 

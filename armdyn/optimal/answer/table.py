@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armdyn.optimal.answer.solution import Solution
-from armdyn.optimal.answer.words import assessment, checks, verdict
+from armdyn.optimal.answer.words import assessment, checks, decided_words, verdict
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.turns import endless
 from armdyn.reprs import joint_unit, more_payload, short_time
@@ -52,18 +52,15 @@ def solution_words(solution: Solution) -> dict[str, str]:
     words = {True: "yes: ", False: "no: ", None: ""}
     facts |= {name: f"{words[holds]}{said}" for name, holds, said in checks(solution)}
     if solution.certificate.idle and solution.moves:
-        facts["idle"] = ", ".join(solution.certificate.idle) + ": not determined by the duration"
+        facts["idle"] = ", ".join(solution.certificate.idle) + ": decides no part of the time"
     if solution.what_to_do:
         facts["what you can do"] = "\n".join(solution.what_to_do)
     facts |= _path_words(solution)
     if solution.local_optima:
         others = ", ".join(f"{x:.4f}" for x in solution.local_optima[:5])
         facts["other optima"] = f"{others}{' …' if len(solution.local_optima) > 5 else ''} s"
-    if solution.decides and solution.moves:
-        most = solution.decides[0]
-        shares = ", ".join(f"{one.name} {100 * one.part:.3g} %" for one in solution.decides[:3])
-        saved = f"1 % more of the first saves {short_time(most.part * solution.duration / 100)}"
-        facts["time decided by"] = f"{shares}{' …' if len(solution.decides) > 3 else ''}; {saved}"
+    if decided := decided_words(solution):
+        facts["time decided by"] = decided
     if solution.calm and solution.moves:
         facts["calm joints"] = f"take {short_time(solution.calm, 2)} of it; `calm` 0 is the fastest"
     if (by := solution.sensitivities()) is not None:

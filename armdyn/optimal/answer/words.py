@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import Certificate
-from armdyn.reprs import gap_words, joint_unit, joints_of, percent, short_time
+from armdyn.reprs import gap_words, joint_unit, joints_of, optimality_words, percent, saving_words, short_time
 
 if TYPE_CHECKING:
     from armdyn.optimal.answer.solution import Solution
@@ -21,11 +23,10 @@ _ROUNDING = 1e-9
 def verdict(solution: Solution) -> str:
     """Verdict on a motion's optimality, in a few words."""
     if not solution.usable:
-        return "certified, but cannot stay at the goal" if solution.certified else "not usable"
+        return "reaches the goal, but cannot stay there" if solution.certified else "not usable"
     gap = solution.gap if solution.gap_proven else None
     torques = "without torques" if solution.problem.kinematic else ""
-    above = "" if gap is None or solution.certificate.extremal else f"gap {percent(max(gap, 0.0))}"
-    return ", ".join(filter(None, ("certified" if solution.certified else "not certified", above, torques)))
+    return ", ".join(filter(None, (optimality_words(solution.certificate.extremal, gap), torques)))
 
 
 Check = tuple[str, bool | None, str]
@@ -56,11 +57,11 @@ def assessment(solution: Solution) -> str:
         saved = percent(certificate.saving)
         said.append(f"Pontryagin's conditions nearly hold along it: to first order no change saves more than {saved}.")
     elif certificate.extremal:
-        said.append("Pontryagin's conditions hold along it: no small change makes it faster.")
+        said.append("Pontryagin's conditions hold along it: it is locally optimal, no small change makes it faster.")
     if solution.gap is not None and solution.gap_proven:
         said.append(f"It is {gap_words(solution.gap)}.")
     elif not solution.certified:
-        said.append(f"It is not certified: {'; '.join(certificate.reasons)}.")
+        said.append(f"It is not proven optimal: {'; '.join(certificate.reasons)}.")
     return " ".join(said)
 
 
@@ -137,7 +138,8 @@ def paragraph(solution: Solution) -> str:
     if solution.feasible and solution.moves:
         words = replay_words(solution.certificate)
         said.append(f"{words[0].upper()}{words[1:]}.")
-    said += [_decided(solution), _calmed(solution)]
+    decided = decided_words(solution)
+    said += [f"Its time is decided by {decided}." if decided else "", _calmed(solution)]
     if solution.lower_bound is not None and solution.moves:
         said.append(f"No motion is faster than {solution.lower_bound:.6f} s.")
     if solution.search_remark:
@@ -182,11 +184,24 @@ def _calmed(solution: Solution) -> str:
     return f"{short_time(solution.calm, 2)} of it ({part}) are given for calm joints: calm = 0 is the fastest."
 
 
-def _decided(solution: Solution) -> str:
-    """Limits that decide the time, and the saving by a change of the first; empty if unknown."""
-    if not solution.decides or not solution.usable:
+def decided_words(solution: Solution, names: Mapping[str, str] = MappingProxyType({})) -> str:
+    """Limits that decide the time, and the saving by more of the first alone and of all; empty if unknown.
+
+    To first order, the shares are one subgradient of the time: more of one limit saves at most its share, and nothing
+    where another joint ties with it; more of all saves their sum.
+
+    Args:
+        solution: of a minimum-time problem.
+        names: shorter names of joints.
+    """
+    shares = solution.decides
+    if not shares or not solution.usable:
         return ""
-    most = solution.decides[0]
-    shares = ", ".join(f"{one.name} ({100 * one.part:.3g} %)" for one in solution.decides[:_MOST_LIMITS])
-    saved = f"1 % more of the first would save {short_time(most.part * solution.duration / 100)}"
-    return f"Its time is decided by {shares}; {saved}."
+    shown = ", ".join(
+        f"{names.get(one.joint, one.joint)}'s {one.limit} {100 * one.part:.3g} %" for one in shares[:_MOST_LIMITS]
+    )
+    alone, together = shares[0].part, sum(one.part for one in shares)
+    saved = f"1 % more of the first alone {saving_words(alone, solution.duration)}"
+    if len(shares) > 1:
+        saved += f", 1 % more of all {short_time(together * solution.duration / 100, 2)}"
+    return f"{shown}{' …' if len(shares) > _MOST_LIMITS else ''}; {saved}"

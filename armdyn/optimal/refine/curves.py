@@ -306,8 +306,7 @@ def _landed(task: Task, refined: RefinedCurve) -> Optimum:
     result = refined.solved.result
     remark = ON_CURVE if refined.solved.converged else f"the curve did not converge ({result.message})"
     shares = _deciding(task, refined)
-    decisive = {share.joint for share in shares if share.part > task.policy.curves.idle}
-    idle = tuple(name for name in problem.robot.joint_names if shares and name not in decisive)
+    idle = problem.robot.joint_names if shares else ()
     passing, intervals = tuple(map(float, curve.passing)), curve.legs[0].basis.intervals
     found = Optimum.of(problem, replay, intervals, None, remark, idle, reports=reports, via_times=passing)
     return replace(found, iterations=refined.iterations, decides=shares, calm=refined.calm)

@@ -57,8 +57,8 @@ def profiles(task: Task) -> tuple[list[Optimum], SearchResult]:
         target = curve.trajectory(problem.robot, _samples(task, curve), jumps=not problem.continuous_torque)
         replay = follow(task, target)
         reports = original.check(problem, replay, np.empty(0))
-        idle = tuple(name for name in problem.robot.joint_names if name != decides[0].joint)
-        found = [Optimum.of(problem, replay, len(curve.legs), None, ON_CURVE, idle, reports=reports, decides=decides)]
+        every = problem.robot.joint_names
+        found = [Optimum.of(problem, replay, len(curve.legs), None, ON_CURVE, every, reports=reports, decides=decides)]
         if not reports.reasons:
             break
         constraints = constraints.tightened(problem, reports)

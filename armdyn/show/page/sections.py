@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from armdyn.reprs import more_payload, short_time
+from armdyn.reprs import more_payload, saving_words, short_time
 from armdyn.show.markup import Html, element, join, table
 from armdyn.show.page.facts import Facts, as_number
 from armdyn.show.page.verdict import Verdict
@@ -81,7 +81,7 @@ def deciding_section(facts: Facts, duration: float) -> Section | None:
             element("span", f"{joint}, {limit}", class_="what"),
             element("span", element("i", style=f"width:{max(0.5, min(100.0, 100 * part)):.2f}%"), class_="share"),
             element("span", f"{100 * part:.3g} %", class_="number"),
-            element("span", f"1 % more saves {short_time(part * duration / 100, 2)}", class_="note"),
+            element("span", f"1 % more {saving_words(part, duration)}", class_="note"),
         )
         for joint, limit, part in shares[:8]
     ]
@@ -89,7 +89,7 @@ def deciding_section(facts: Facts, duration: float) -> Section | None:
     if len(shares) > 8:
         parts.append(element("p", f"and {len(shares) - 8} more, each below {100 * shares[7][2]:.2g} %", class_="note"))
     if idle := facts.texts("idle"):
-        words = f"Time does not determine the motion of {', '.join(idle)}."
+        words = f"{', '.join(idle)}: decides no part of the time."
         parts.append(element("p", words, class_="note"))
     if calm := facts.number("calm"):
         given = f"{short_time(calm, 2)} are given for calm joints: without calm, the motion is faster by this time."

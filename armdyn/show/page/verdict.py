@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from armdyn.reprs import USELESS_GAP, joint_unit, more_payload, percent
+from armdyn.reprs import USELESS_GAP, joint_unit, more_payload, optimality_words, percent
 from armdyn.show.page.facts import Facts
 
 Level = Literal["good", "fair", "bad", "none"]
@@ -114,7 +114,8 @@ def seconds(time: float | None) -> str:
 def _of_minimum_time(facts: Facts) -> Verdict:
     found, usable, certified = facts.number("duration") is not None, facts.true("usable"), facts.true("certified")
     level: Level = "bad" if not usable else "good" if certified else "fair"
-    headline = "Certified" if certified else "Executable, not certified"
+    claim = optimality_words(facts.true("extremal"), facts.number("gap") if facts.true("gap_proven") else None)
+    headline = f"Executable, {claim}"
     if not usable:
         headline = "Not executable" if found else "No motion found"
     return Verdict(level, headline, facts.text("assessment"), _checks(facts), tuple(facts.texts("what_to_do")))

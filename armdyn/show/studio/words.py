@@ -1,15 +1,11 @@
 """Texts of the studio's page."""
 
 from armdyn.optimal.answer.solution import Solution
-from armdyn.optimal.answer.words import assessment
+from armdyn.optimal.answer.words import assessment, decided_words
 from armdyn.show.markup import element
 from armdyn.show.page.scene import short_names
 from armdyn.show.studio.session import Session
 
-_MOST_LIMITS = 3
-"""Most limits named as deciding the duration."""
-_LEAST = 0.005
-"""Least share of the duration for a limit to be named [-]."""
 _SLOW = 0.4
 """Time after which a computation is mentioned [s]: earlier, the text would flicker."""
 
@@ -44,9 +40,8 @@ def facts_of(solution: Solution) -> list[str]:
     """Whether a motion is executable, its proven gap, and the limits that decide its duration."""
     joints = solution.problem.robot.joint_names
     names = dict(zip(joints, short_names(joints), strict=True))
-    most = [one for one in solution.decides if one.part >= _LEAST][:_MOST_LIMITS] if solution.usable else []
-    shares = ", ".join(f"{names.get(one.joint, one.joint)} {one.limit} ({100 * one.part:.0f} %)" for one in most)
-    return [assessment(solution), *([f"Its time is decided by {shares}."] if shares else [])]
+    decided = decided_words(solution, names)
+    return [assessment(solution), *([f"Its time is decided by {decided}."] if decided else [])]
 
 
 def warnings_of(session: Session) -> list[str]:

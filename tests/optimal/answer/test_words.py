@@ -21,7 +21,7 @@ def test_print_says_duration_verdict_and_deciding_limits(solution):
     assert words.startswith(f"The fastest motion found for rr, 2 joints, takes {solution.duration:.6f} s. ")
     assert "The motion is executable. Pontryagin's conditions hold along it" in words
     first = solution.decides[0]
-    assert f"Its time is decided by {first.name} ({100 * first.part:.3g} %)" in words and " ms." in words
+    assert f"Its time is decided by {first.name} {100 * first.part:.3g} %, " in words and " ms." in words
     assert len(words.splitlines()) == 1 and words.endswith(".")
 
 

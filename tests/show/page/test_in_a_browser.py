@@ -209,7 +209,7 @@ def test_the_numbers_are_those_of_the_moment(chromium, tmp_path):
         scales = page.evaluate("[...document.querySelectorAll('.bar s')].map(s => s.style.transform)")
         full = 3.0 / robot.limits.effort_upper[0]
         assert [float(scale[7:-1]) for scale in scales] == pytest.approx([full, -full])
-        assert "Executable, not certified" in page.locator(".verdict").inner_text()
+        assert "Executable, not proven optimal" in page.locator(".verdict").inner_text()
         assert not errors
 
 

@@ -37,7 +37,8 @@ def test_it_names_missing_conditions_and_remedies():
     page = page_of(move, robot=robot, title="rr")
     said = " ".join(text_of(page).split())
     for words in (
-        "Executable, not certified", "H is not constant", "What you can do", "--max-intervals", "armdyn mintime rr",
+        "Executable, not proven optimal", "H is not constant", "What you can do", "--max-intervals",
+        "armdyn mintime rr",
         "joint2, torque limit", "27.5 %", "0.2125 s", "+0.35 ms",
     ):  # fmt: skip
         assert words in said, words
@@ -49,8 +50,9 @@ def test_it_names_missing_conditions_and_remedies():
     [
         ({"usable": False, "duration": None}, "bad", "No motion found"),
         ({"usable": False}, "bad", "Not executable"),
-        ({"certified": True, "extremal": True}, "good", "Certified"),
-        ({}, "fair", "Executable, not certified"),
+        ({"certified": True, "extremal": True}, "good", "Executable, locally optimal (Pontryagin)"),
+        ({"gap": 0.16, "gap_proven": True}, "fair", "Executable, proven within 16 % of the fastest"),
+        ({}, "fair", "Executable, not proven optimal"),
     ],
 )
 def test_verdicts(facts, level, headline):
@@ -286,7 +288,7 @@ def test_torque_speed_curves_are_drawn_with_the_motion_inside():
 def test_seconds_that_more_of_a_limit_saves_are_no_powers_of_ten_of_ms():
     facts = Facts({"decides": [{"joint": "j", "limit": "velocity limit", "part": 1.0}], "calm": 0.137})
     section = deciding_section(facts, 300.0)
-    assert "1 % more saves 3 s" in section.body and "140 ms are given" in section.body
+    assert "1 % more saves at most 3 s" in section.body and "140 ms are given" in section.body
 
 
 def test_a_motion_without_a_result_is_not_said_to_be_of_another_planner():

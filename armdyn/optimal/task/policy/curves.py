@@ -156,7 +156,6 @@ class CurvePolicy:
     )
     most_excess: float = tuned(1e-2, "of a limit", "excess that is more than the replay's error")
     least_share: float = tuned(1e-4, "of the time", "a smaller share is zero up to IPOPT's barrier")
-    idle: float = tuned(1e-2, "of the time", "a joint whose limits are active for less is mostly undetermined")
     bandwidth: float = tuned(160.0, "over the duration", "of the feedback that keeps the replay on its curve")
 
 
