@@ -22,7 +22,11 @@ _LITTLE = 0.1
 
 
 def advice(
-    problem: MinimumTimeProblem, certificate: Certificate, kept: Sequence[ConstraintReport], arcs: bool
+    problem: MinimumTimeProblem,
+    certificate: Certificate,
+    kept: Sequence[ConstraintReport],
+    arcs: bool,
+    followed: Sequence[str] = (),
 ) -> dict[str, str]:
     """Advice for each failed check: "lands", "limits", "conditions", "extremal", "gap".
 
@@ -34,6 +38,7 @@ def advice(
         certificate: certificate of the answer.
         kept: constraint reports of the answer.
         arcs: whether the answer's arcs were resolved.
+        followed: advice on the search of curves that was followed: "search", "starts".
     """
     if not np.isfinite(certificate.goal_error) and certificate.growth is None:
         if weak := problem.weak_ends:
@@ -62,7 +67,7 @@ def advice(
     if not certificate.extremal and not (certificate.remark == ON_CURVE and not arcs and certificate.gap is not None):
         lines["extremal"] = _for_extremal(problem, certificate, arcs)
     if not certificate.gap_proven or certificate.gap is None or certificate.gap > GAP_TOLERANCE:
-        lines["gap"] = _for_gap(problem, certificate)
+        lines["gap"] = _for_gap(problem, certificate, followed)
     return lines
 
 
@@ -117,7 +122,7 @@ def _off_goal(problem: MinimumTimeProblem) -> str:
     return f"it ends more than 1e-6 off the goal: {_raise(problem, 'give `armature`', 'max_intervals')}"
 
 
-def _for_gap(problem: MinimumTimeProblem, certificate: Certificate) -> str:
+def _for_gap(problem: MinimumTimeProblem, certificate: Certificate, followed: Sequence[str]) -> str:
     if problem.pays_effort:
         return "no gap: with `effort_weight` the cost is not time alone; leave it out for the fastest motion"
     if certificate.gap is None and np.all(np.isinf(problem.limits.velocity)):
@@ -133,8 +138,9 @@ def _for_gap(problem: MinimumTimeProblem, certificate: Certificate) -> str:
         free = "the bound ignores obstacles, " if problem.has_clearance else "the bound "
         return f"a large gap: {free}is by velocity limits, and weak where torque limits decide"
     if certificate.remark == ON_CURVE:
-        look = "look for a faster motion with `search` thorough or more `starts`; "
-        more = look if _changes(problem, "starts") else ""
+        ways = {"search": "`search` thorough", "starts": "more `starts`"}
+        left = " or ".join(words for name, words in ways.items() if name not in followed)
+        more = f"look for a faster motion with {left}; " if left and _changes(problem, "starts") else ""
         return f"{more}much of the gap of {percent(certificate.gap)} may be the bound's"
     more = _raise(problem, "", "starts", "max_intervals")
     return f"a gap of {percent(certificate.gap)}" + (f": {more}; there may be a faster motion" if more else "")

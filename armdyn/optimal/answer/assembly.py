@@ -71,6 +71,14 @@ def assembled(
         calm=best.calm,
         search_remark=remark,
         decides=decides,
+        followed=tuple(
+            name
+            for name, raised in (
+                ("search", task.options.search == "thorough"),
+                ("starts", task.options.starts is not None),
+            )
+            if raised
+        ),
     )
 
 

@@ -58,6 +58,7 @@ class Solution:
         calm: time spent on calm joints [s]: the fastest motion takes less by this.
         search_remark: remark on the search if the motion is not certified: number of different optima from a curve's
             guesses and how often the best was met, or that refinement was abandoned; else empty.
+        followed: options of the search that were raised, "search" or "starts": they are not advised again.
     """
 
     success: bool
@@ -82,6 +83,7 @@ class Solution:
     decides: tuple[Share, ...] = ()
     calm: float = 0.0
     search_remark: str = ""
+    followed: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         """A paragraph: duration, verdict, limits that decide the time, bound."""
@@ -131,7 +133,8 @@ class Solution:
         """Advice, one line per failed check; empty for a usable, certified motion, or if Ctrl-C came first."""
         if (self.certified and self.usable) or (self.status is Status.INTERRUPTED and not self.moves):
             return ()
-        return tuple(advice(self.problem, self.certificate, self.constraint_reports, self.phases is not None).values())
+        reports, arcs = self.constraint_reports, self.phases is not None
+        return tuple(advice(self.problem, self.certificate, reports, arcs, self.followed).values())
 
     @property
     def replay_error(self) -> float:

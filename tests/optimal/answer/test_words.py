@@ -5,7 +5,9 @@ import dataclasses
 import pytest
 
 import armdyn as ad
+from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.answer.words import verdict
+from armdyn.optimal.proof.certificate import ON_CURVE, Certificate
 from problems import POSES
 
 
@@ -63,3 +65,11 @@ def test_no_motion_has_no_duration(solution):
     )
     assert str(none).startswith("No motion was found for rr, 2 joints: stopped.")
     assert f"{solution.duration:.4f}" not in str(none) and "no motion" in repr(none)
+
+
+def test_advice_that_was_followed_is_not_given_again():
+    problem = ad.MinimumTimeProblem(ad.Robot.from_library("panda"), q_start="ready", q_goal=[0.5, 0, 0, -1.5, 0, 2, 0])
+    plain = Certificate(0.0, 0.0, 0.0, lower_bound=1.0, gap=0.02, remark=ON_CURVE)
+    said = [advice(problem, plain, (), False, followed)["gap"] for followed in ((), ("search",), ("search", "starts"))]
+    assert "`search` thorough or more `starts`" in said[0]
+    assert "`search`" not in said[1] and "more `starts`" in said[1] and said[2].startswith("much of the gap")
