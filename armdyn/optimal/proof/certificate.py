@@ -83,7 +83,7 @@ class Certificate:
             replay, relative to the limit (position: to the range, or 1 rad or m where that is less).
         exceeded: largest violation, with its joint and time; None: all limits are kept.
         singular: whether some arc has a joint without an active limit.
-        idle: joints that minimum time leaves undetermined for most of the motion: their costates are zero.
+        idle: joints that minimum time leaves undetermined for most of the motion; none decides a share of time.
         landing: largest goal error that counts as landed [rad or m].
         replay: "open loop": the torques alone reach the goal, with any integrator. "segments": the motion is too
             unstable for that; every segment between samples was integrated from the motion's own state, and the motion
