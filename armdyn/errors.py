@@ -36,6 +36,20 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     return f"; did you mean {near[0][:_LONGEST]!r}?" if near else ""
 
 
+def nearest_names(name: str, known: Iterable[str]) -> str:
+    """Names that would have been right, the most similar ones first, for the end of a message; at most `_MANY`."""
+    from difflib import SequenceMatcher
+
+    match = SequenceMatcher(b=name[:_LONGEST])
+
+    def unlike(one: str) -> tuple[float, str]:
+        match.set_seq1(one[:_LONGEST])
+        return -match.ratio(), one
+
+    names = sorted(known, key=unlike)
+    return ", ".join([*(one[:_LONGEST] for one in names[:_MANY]), *["…"][: len(names) > _MANY]])
+
+
 class ArmdynError(Exception):
     """Root of all errors that armdyn raises on purpose. Its message is bounded, and can be written anywhere."""
 

@@ -120,7 +120,8 @@ def resolve_mesh(name: str, folders: tuple[str, ...]) -> Path:
                 return found
     if outside:
         raise PermissionError(f"mesh {name[:200]!r} is outside the robot's folders")
-    raise FileNotFoundError(f"no mesh {name[:200]!r}")
+    where = "give the folder of its package: --package-dir DIR, in Python package_dirs=['DIR']"
+    raise FileNotFoundError(f"no mesh {name[:200]!r}; {where}")
 
 
 def load_meshes(path: Path, scale: Array, most: int = _MAX_MESH_BYTES) -> Iterator[tuple[Any, Any]]:

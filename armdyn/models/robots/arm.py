@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from armdyn.arguments import Checked, checked, expect, numbers, several, shown, text
 from armdyn.arrays import Array, Flags
-from armdyn.errors import ArmdynWarning, SpecError, UrdfError, did_you_mean
+from armdyn.errors import ArmdynWarning, SpecError, UrdfError, did_you_mean, nearest_names
 from armdyn.locks import cached_property
 from armdyn.models.reading.ends import chains
 from armdyn.models.reading.urdf_arm import check_inertia, configuration
@@ -351,8 +351,11 @@ class Arm(Checked):
         for kind in (pin.FrameType.BODY, *_OTHER_FRAMES):
             if self.model.existFrame(name, kind):
                 return self.model.frames[self.model.getFrameId(name, kind)]
-        names = [str(frame.name) for frame in self.model.frames]
-        raise SpecError(f"no frame {shown(name)} in {self.source}{did_you_mean(name, names)}")
+        links = (str(one.name) for one in self.model.frames if one.type in (pin.FrameType.BODY, pin.FrameType.OP_FRAME))
+        near = nearest_names(name, {*links} - {self.tip})
+        raise SpecError(
+            f"no frame {shown(name)} in {self.source}; the tip is {self.tip!r}, others, nearest names first: {near}"
+        )
 
     def frame_of(self, payload: Payload) -> pin.Frame:
         """The frame that the payload or the tool is fixed to.

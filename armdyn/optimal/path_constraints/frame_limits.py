@@ -66,7 +66,7 @@ class FrameSpeedLimit(PartialLimit):
         try:
             fixed = robot.frame(frame)
         except SpecError as error:
-            raise ProblemError(f"FrameSpeedLimit: {error}; the tip is {robot.tip!r}") from None
+            raise ProblemError(f"FrameSpeedLimit: {error}") from None
         if fixed.parentJoint == 0:
             raise ProblemError(f"FrameSpeedLimit: frame {frame!r} of {robot.name} does not move; give another")
         for x, end in ((start, "start"), (goal, "goal")):

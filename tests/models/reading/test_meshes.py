@@ -26,7 +26,7 @@ def test_the_urdfs_own_package_is_a_folder(workspace):
     mesh = workspace / "src/arm/meshes/a.stl"
     for name in ("package://arm/meshes/a.stl", "../meshes/a.stl", "meshes/a.stl", f"file://{mesh}", str(mesh)):
         assert resolve_mesh(name, folders) == mesh
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(FileNotFoundError, match=r"--package-dir DIR, in Python package_dirs=\['DIR'\]"):
         resolve_mesh("package://other/b.stl", folders)
     assert resolve_mesh("package://other/b.stl", (*folders, str(workspace / "src"))) == workspace / "src/other/b.stl"
     assert resolve_mesh("model://other/b.stl", (str(workspace / "src/other"),)) == workspace / "src/other/b.stl"

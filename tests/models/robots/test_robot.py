@@ -88,6 +88,11 @@ def test_link_is_meant_where_a_joint_has_its_name():
         robot.frame("x")
 
 
+def test_an_unknown_frame_names_the_tip_and_the_nearest_names_first():
+    with pytest.raises(SpecError, match=r"no frame 'link7' .* the tip is 'panda_hand_tcp'.*first: panda_link7, panda_"):
+        robot_named("panda").frame("link7")
+
+
 def test_panda_has_its_fingers_locked():
     robot = Robot.from_library("panda")
     assert robot.nv == 7
