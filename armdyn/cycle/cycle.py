@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -19,6 +19,7 @@ from armdyn.locks import cached_property
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.scene.reaching import GoalPose
+from armdyn.models.values.spec import Payload
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.reprs import brief, called
 
@@ -137,7 +138,7 @@ class Cycle:
         for name, value in values.items():
             object.__setattr__(self, name, value)
         self._check_parts()
-        _ = self.stops
+        _ = self.arms, self.stops
 
     def _repr_parts(self) -> list[str]:
         """Words of `repr`."""
@@ -208,13 +209,32 @@ class Cycle:
         for k, step in enumerate(self.steps, start=1):
             if isinstance(step, Grasp):
                 with naming_step(k, self.name_of(k)):
-                    arms.append(self.robot.with_payload(step.part))
+                    arms.append(self.robot.with_payload(self._held(k, step.part)))
             elif isinstance(step, Release):
                 bare = bare or (self.robot.with_payload(None) if self.robot.payload else self.robot)
                 arms.append(bare)
             else:
                 arms.append(arms[-1])
         return tuple(arms)
+
+    def _held(self, step: int, part: Payload) -> Payload:
+        """The part of a grasp, by default in the frame of the goal pose at which it is grasped.
+
+        Raises:
+            ProblemError: it names a frame that is placed otherwise.
+        """
+        at = next((one.to for one in self.steps[step - 2 :: -1] if step > 1 and isinstance(one, Move)), self.start)
+        if not isinstance(at, GoalPose) or at.frame == part.frame:
+            return part
+        if part.frame is None:
+            return part if at.frame == self.robot.tip else replace(part, frame=at.frame)
+        own, goal = self.robot.frame(part.frame), self.robot.frame(at.frame)
+        if own.parentJoint != goal.parentJoint or not own.placement.isApprox(goal.placement):
+            raise ProblemError(
+                f"part {part.name!r} is placed in frame {part.frame!r}, but is grasped where {at.frame!r} is at its "
+                f"goal pose: place it in {at.frame!r}, which is the default, or give the goal as one of {part.frame!r}"
+            )
+        return part
 
     @property
     def jobs(self) -> tuple[tuple[int, ...], ...]:

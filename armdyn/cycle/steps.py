@@ -94,7 +94,8 @@ class Grasp(_Rest):
     """The arm, at rest, takes a part: from then on it carries the part.
 
     Attributes:
-        part: its mass, centre, inertia and shapes.
+        part: its mass, centre, inertia and shapes, in its `frame`; None: the frame of the goal pose of the move before,
+            or the robot's tip. A frame placed otherwise than that of the goal pose is refused.
         dwell: how long the arm rests [s].
         name: in tables and messages; empty: "grasp" and the part's name.
     """

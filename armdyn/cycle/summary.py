@@ -164,12 +164,12 @@ def _checks(solution: CycleSolution) -> Iterator[tuple[str, bool | None, str]]:
 def _parts(cycle: Cycle, steps: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
     """Parts that the arm carries, with begin and end [s]; null: until the end."""
     held: tuple[Payload, float] | None = None if cycle.robot.payload is None else (cycle.robot.payload, 0.0)
-    for one, step in zip(steps, cycle.steps, strict=False):
+    for one, step, arm in zip(steps, cycle.steps, cycle.arms[1:], strict=False):
         if held is not None and isinstance(step, Release):
             yield _part(cycle, *held, one["begin"])
             held = None
         elif isinstance(step, Grasp):
-            held = step.part, one["begin"]
+            held = arm.payload or step.part, one["begin"]
     if held is not None:
         yield _part(cycle, *held, None)
 

@@ -130,3 +130,26 @@ def test_a_move_whose_way_back_is_added_is_a_job():
         (1, 2),
         (3,),
     )
+
+
+def _grasped(goal: str, frame: str | None) -> ad.Cycle:
+    """A UR5, whose tip ee_link is turned against tool0, takes a part at a goal pose; then it rests, and releases it."""
+    part = ad.Payload(mass=1.0, com=(0.0, 0.0, 0.05), frame=frame, name="bar")
+    move = ad.Move(ad.GoalPose(goal, (0.4, 0.2, 0.4)))
+    steps = [move, ad.Wait(0.1), ad.Grasp(part), ad.Move([1, -1, 1, 0, 0, 0]), ad.Release(part)]
+    return ad.Cycle(ad.Robot.from_library("ur5"), start=[0, -1, 1, 0, 0, 0], steps=steps)
+
+
+@pytest.mark.parametrize("frame", [None, "tool0"])
+def test_a_part_is_in_the_frame_of_the_goal_pose_where_it_is_grasped(frame):
+    arm = _grasped("tool0", frame).moves[1].robot
+    held, tool = arm.model.inertias[6], arm.frame("tool0")
+    bare = ad.Robot.from_library("ur5").model.inertias[6]
+    com = (held.mass * held.lever - bare.mass * bare.lever) / 1.0
+    np.testing.assert_allclose(com, tool.placement.act(np.array([0.0, 0.0, 0.05])), atol=1e-12)  # rounding
+
+
+@pytest.mark.parametrize("frame", ["ee_link", "wrist_3_link"])
+def test_a_part_in_another_frame_than_the_goal_poses_is_refused(frame):
+    with pytest.raises(CycleError, match=rf"step 3 \(grasp bar\): part 'bar' is placed in frame '{frame}', .* 'tool0'"):
+        _grasped("tool0", frame)
