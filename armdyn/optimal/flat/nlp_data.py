@@ -122,7 +122,9 @@ _Equations = tuple[Array, Array, Array]
 """Parameters, lower and upper bounds of a block of equations."""
 
 
-def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) -> NlpData:
+def assemble_curve(
+    task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout, units: tuple[float, float] = (1.0, 1.0)
+) -> NlpData:
     """Data of the nonlinear program.
 
     Args:
@@ -130,19 +132,22 @@ def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout
         guess: initial guess, with the bases of all legs.
         spec: requirements of the curve.
         shape: layout of the program.
+        units: units of the control points [rad or m], and of the durations [s], 1 with path constraints.
     """
     problem, blocks, whole = task.problem, list[_Equations](), guess.duration
+    way, time = units
+    by_order = way / time ** np.arange(4.0)
     limits, n = problem.limits, shape.joints
     half = limits.actuators.half_range
     x, lower, upper = np.empty(shape.size), np.full(shape.size, -np.inf), np.full(shape.size, np.inf)
     for k, leg in enumerate(guess.legs):
         s, weights = leg.basis.gauss(POINTS)
-        basis = leg.basis.local(s.ravel()).reshape(s.size, -1)
-        ties = np.array([spec.smooth, spec.travel]) * leg.duration / whole / n
+        basis = (by_order[:3, None] * leg.basis.local(s.ravel())).reshape(s.size, -1)
+        ties = np.array([spec.smooth, spec.travel * time**2]) * leg.duration / whole / n
         nothing, parts = np.zeros(s.size * n), weights.reshape(-1, 1)
         blocks.append((np.hstack([basis, parts, parts * ties]), nothing, nothing))
         blocks.append((np.full(s.size - 1, spec.steps / n), np.empty(0), np.empty(0)))
-        blocks += _rates(task, spec.constraints, leg.basis, shape, k)
+        blocks += _rates(task, spec.constraints, leg.basis, shape, k, by_order)
         points, torques, margin = shape.points(k), shape.torques(k), spec.margin(k)
         blocks += _torque_speeds(limits.actuators, basis, margin)
         lower[points], upper[points] = limits.position_lower, limits.position_upper
@@ -153,14 +158,19 @@ def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout
         x[points], x[shape.duration(k)] = leg.points, leg.duration
         x[torques] = np.clip(leg.torques(problem.robot, s.ravel()) / half, _CAUTIOUS * least, _CAUTIOUS * most)
         _fix_ends(problem, k, points, (lower, upper), free=_ends_free(spec.constraints))
+    durations = [shape.duration(k) for k in shape.legs]
+    for values in (x, lower, upper):
+        values[shape.all_points] /= way
+        values[durations] /= time
     for k in shape.legs[1:]:
         for order in range(1, shape.smooth + 1):
             sides = guess.legs[k - 1].basis.differences(order)[-1], guess.legs[k].basis.differences(order)[0]
-            blocks.append((np.concatenate([*sides, 1 / _meeting_speeds(problem, guess)]), np.zeros(n), np.zeros(n)))
+            factors = by_order[order] * np.concatenate(sides)
+            blocks.append((np.append(factors, 1 / _meeting_speeds(problem, guess)), np.zeros(n), np.zeros(n)))
     blocks += _torque_rates(task, spec, guess)
     blocks += _rows(task, guess, spec.constraints)
     squares = problem.effort_weights() * half**2
-    shared = np.concatenate([half, squares, task.dynamics.last_body, travel_scales(task, guess), [1 / whole]])
+    shared = np.concatenate([half, squares, task.dynamics.last_body, travel_scales(task, guess), [time / whole]])
     parameters, g_lower, g_upper = (
         np.concatenate([np.ravel(each) for each in own]) for own in zip(*blocks, strict=True)
     )
@@ -189,14 +199,14 @@ def finite(limit: Array) -> Array:
 
 
 def _rates(
-    task: Task, constraints: TightenedConstraints, basis: Basis, shape: CurveLayout, leg: int
+    task: Task, constraints: TightenedConstraints, basis: Basis, shape: CurveLayout, leg: int, units: Array
 ) -> Iterator[_Equations]:
-    """Limits of derivatives on one leg, by their control points."""
+    """Limits of derivatives on one leg, by their control points; units of the derivatives by their order."""
     problem = task.problem
     most = 1.0 if problem.from_rest_to_rest else 1 - task.policy.curves.in_flight
     given = rate_limits(problem, constraints)
     for order in shape.orders:
-        factors, scale = basis.differences(order), finite(given[order])
+        factors, scale = units[order] * basis.differences(order), finite(given[order])
         bound = np.tile(np.where(np.isinf(given[order]), np.inf, most), (len(factors), 1))
         lower, upper = -bound, bound.copy()
         for place, outer, v in ((0, leg == 0, problem.v_start), (-1, leg == shape.legs[-1], problem.v_goal)):

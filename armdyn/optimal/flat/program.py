@@ -65,6 +65,11 @@ class CurveLayout:
         points = self._before(leg) + np.arange(own * self.joints).reshape(-1, self.joints)
         return np.vstack([self.points(leg - 1)[-1:], points]) if leg in self.joined else points
 
+    @property
+    def all_points(self) -> Index:
+        """Indices of the coordinates of all control points, each once."""
+        return np.unique(np.concatenate([self.points(leg).ravel() for leg in self.legs]))
+
     def windows(self, legs: Sequence[tuple[Basis, Array]]) -> Index:
         """Indices of the control points on which poses depend, shape (poses, WINDOW, joints).
 

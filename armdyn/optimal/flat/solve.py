@@ -13,6 +13,7 @@ from armdyn.optimal.flat.program import CurveLayout, build
 from armdyn.optimal.flat.sequential import SequenceSettings, Sequential, Tighten
 from armdyn.optimal.flat.task_program import curve_program
 from armdyn.optimal.path_constraints.rows import StageRows
+from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.solve.registry import in_time, solver_for
@@ -23,6 +24,8 @@ from armdyn.optimal.task.task import Task
 
 _WARM = 1e-9
 """Distance by which a warm start may be moved off its bounds."""
+_SHORT = 0.01
+"""Ways below which unknowns have units of their own [rad or m]; longer motions converge without."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,9 +95,22 @@ def solve_curve(
     same = warm_start is not None and not warm_start.in_steps and (warm_start.shape, warm_start.rows) == (shape, rows)
     warm_start = warm_start if same else None
     solver = _solver(task, shape, rows, warm=warm_start is not None)
-    nlp_data = assemble_curve(task, guess, spec, shape)
+    way, time = units = (1.0, 1.0) if rows or shape.rated else _units(task.problem, guess)
+    nlp_data = assemble_curve(task, guess, spec, shape, units)
     result = solver.solve(nlp_data, task.stop, None if warm_start is None else warm_start.result)
+    result.x[shape.all_points] *= way
+    result.x[[shape.duration(k) for k in shape.legs]] *= time
     return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration, np.less(*nlp_data.g_bounds))
+
+
+def _units(problem: MinimumTimeProblem, guess: Curve) -> tuple[float, float]:
+    """Units of control points [rad or m] and durations [s]: powers of two, so that no digit is lost.
+
+    IPOPT does not converge where its unknowns are far below one.
+    """
+    way = float(np.max(np.abs(np.diff(problem.poses, axis=0))))
+    units = np.exp2(np.floor(np.log2([way, guess.duration]))) if 0 < way < _SHORT else np.ones(2)
+    return float(units[0]), float(units[1])
 
 
 def solve_in_steps(

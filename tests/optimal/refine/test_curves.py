@@ -519,3 +519,17 @@ def test_a_curve_that_cannot_be_slowed_reports_its_excess(monkeypatch):
     _, optima, found = too_fast(monkeypatch, held(v_goal=0.2 * np.array(V[:3])), 0.5)
     assert not optima
     assert "exceed their limits by" in found.failed[0].message
+
+
+@pytest.mark.slow
+def test_short_motions_of_a_large_arm_take_time_as_the_root_of_their_way():
+    """At rest and nearby the arm's equations are linear; IPOPT failed below 1 mrad, and motions of seconds were left."""
+    robot, ways = ad.Robot.from_library("panda"), np.array([1e-5, 1e-4, 1e-3])
+    start = robot.poses["ready"]
+    options = ad.MinimumTimeOptions(starts=1, calm=0.0)
+    problems = [
+        ad.MinimumTimeProblem(robot, q_start=start, q_goal=start + way * np.linspace(1, 0.4, 7)) for way in ways
+    ]
+    taken = [ad.solve_minimum_time(problem, options).duration for problem in problems]
+    # Gravity's torques and the inertias change by about the way of 1e-3 rad, as part of themselves.
+    assert taken / np.sqrt(ways) == pytest.approx(np.full(3, taken[-1] / np.sqrt(ways[-1])), rel=2e-3)
