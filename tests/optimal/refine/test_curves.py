@@ -523,7 +523,7 @@ def test_a_curve_that_cannot_be_slowed_reports_its_excess(monkeypatch):
 
 @pytest.mark.slow
 def test_short_motions_of_a_large_arm_take_time_as_the_root_of_their_way():
-    """At rest and nearby the arm's equations are linear; IPOPT failed below 1 mrad, and motions of seconds were left."""
+    """At rest and nearby the arm's equations are linear; IPOPT failed below 1 mrad, and seconds were left."""
     robot, ways = ad.Robot.from_library("panda"), np.array([1e-5, 1e-4, 1e-3])
     start = robot.poses["ready"]
     options = ad.MinimumTimeOptions(starts=1, calm=0.0)
