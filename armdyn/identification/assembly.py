@@ -1,12 +1,11 @@
 """Assemble the estimate from a fit: the robot, its parameters with confidence, and the measured combinations."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
-import pinocchio as pin
 
 from armdyn.arrays import Array
-from armdyn.identification.equations import Equations, in_tip
+from armdyn.identification.equations import Equations
 from armdyn.identification.estimate import Estimate, Estimated, Judged
 from armdyn.identification.fitting import Fit
 from armdyn.identification.unknowns import parameters_of
@@ -66,19 +65,14 @@ def assembled(
     )
 
 
-def _numbers(robot: Robot, equations: Equations, parameters: Array) -> Array:
-    """Numbers of all bodies, shape (bodies, 10), in the order of `BODY`, of their dynamic parameters."""
-    rows = []
-    for own in parameters:
-        if own[0] == 0:
-            mass, centre, tensor = 0.0, np.zeros(3), np.zeros((3, 3))
-        elif equations.what == "payload":
-            mass, centre, tensor = in_tip(robot, own)
-        else:
-            body = pin.Inertia.FromDynamicParameters(own)
-            mass, centre, tensor = float(body.mass), np.array(body.lever), np.array(body.inertia)
-        rows.append(np.concatenate([[mass], centre, np.diag(tensor), tensor[np.triu_indices(3, 1)]]))
-    return np.array(rows).reshape(-1, 10)
+def _numbers(equations: Equations, parameters: Array) -> Array:
+    """Numbers of all bodies in the order of `BODY`, shape (10 bodies,), of their dynamic parameters."""
+    rows = np.zeros((len(parameters), len(BODY)))
+    for row, own in zip(rows, parameters, strict=True):
+        if own[0]:
+            mass, centre, tensor = equations.inertia(own)
+            row[:] = [mass, *centre, *np.diag(tensor), *tensor[np.triu_indices(3, 1)]]
+    return rows.ravel()
 
 
 def _given(robot: Robot, equations: Equations) -> Array:
@@ -91,43 +85,25 @@ def _given(robot: Robot, equations: Equations) -> Array:
 
 def _parameters(robot: Robot, equations: Equations, fit: Fit, covariance: Array) -> Iterator[Estimated]:
     unknowns = equations.unknowns
-    hessian = unknowns.divergence_near(fit.x).hessian
-    spread = np.linalg.inv(hessian) / max(1.0, fit.weight)
-
-    def estimated(name: str, unit: str, prior: float, value: float, gradient: Array) -> Estimated:
-        variance, before = (np.maximum(gradient @ one @ gradient, 1e-300) for one in (covariance, spread))
-        deviation, seen = np.sqrt(variance), max(0.0, 1 - float(variance / before))
-        return Estimated(
-            name=name, unit=unit, prior=float(prior), value=float(value), deviation=float(deviation), seen=float(seen)
-        )
-
-    def row(at: int, size: float) -> Array:
-        return np.asarray(np.eye(fit.x.size)[at] * size)
+    spread = np.linalg.inv(unknowns.divergence_near(fit.x).hessian) / max(1.0, fit.weight)
+    joints = list(zip(robot.joint_names, robot.slides, strict=True))
+    bodies = ["payload"] if equations.what == "payload" else [robot.joint_names[j] for j in unknowns.joints]
+    labels = [(f"{what} of {body}", unit) for body in bodies for what, unit in BODY]
+    prior = [_numbers(equations, _given(robot, equations))]
+    before = (robot.model.armature, *robot.friction.per_joint(robot.nv), np.zeros(robot.nv))
+    for kind, own, found in zip(_UNITS, before, unknowns.numbers(fit.x), strict=True):
+        if found.size:
+            prior.append(own)
+            labels += [(f"{kind} of {joint}", _UNITS[kind][bool(slides)]) for joint, slides in joints]
 
     def at(x: Array) -> Array:
-        return _numbers(robot, equations, parameters_of(unknowns.bodies(x)))
+        return np.concatenate([_numbers(equations, parameters_of(unknowns.bodies(x))), *unknowns.numbers(x)])
 
-    prior, values = _numbers(robot, equations, _given(robot, equations)), at(fit.x)
-    jacobian = _jacobian(at, fit.x, 10 * len(unknowns.joints))
-    names = ["payload"] if equations.what == "payload" else robot.joint_names
-    for b in range(len(unknowns.joints)):
-        for k, (what, unit) in enumerate(BODY):
-            yield estimated(f"{what} of {names[b]}", unit, prior[b, k], values[b, k], jacobian[b, k])
-    start, found = 10 * len(unknowns.joints), unknowns.numbers(fit.x)
-    priors = (robot.model.armature, *robot.friction.per_joint(robot.nv), np.zeros(robot.nv))
-    scales = (unknowns.armature, unknowns.damping, unknowns.coulomb, unknowns.offset)
-    for kind, before, after, sizes in zip(_UNITS, priors, found, scales, strict=True):
-        for j in range(sizes.size):
-            unit = _UNITS[kind][bool(robot.slides[j])]
-            yield estimated(f"{kind} of {robot.joint_names[j]}", unit, before[j], after[j], row(start + j, sizes[j]))
-        start += sizes.size
-
-
-def _jacobian(function: Callable[[Array], Array], x: Array, count: int) -> Array:
-    """Derivatives by the first unknowns, the others' zero, shape (bodies, 10, p)."""
-    jacobian = np.zeros((*function(x).shape, x.size))
-    for i in range(count):
-        step = np.zeros(x.size)
-        step[i] = _DIFFERENCE
-        jacobian[..., i] = (function(x + step) - function(x - step)) / (2 * _DIFFERENCE)
-    return jacobian
+    steps = _DIFFERENCE * np.eye(fit.x.size)
+    gradients = np.array([at(fit.x + step) - at(fit.x - step) for step in steps]).T / (2 * _DIFFERENCE)
+    variance, width = (
+        np.maximum(np.einsum("kp,pq,kq->k", gradients, one, gradients), 1e-300) for one in (covariance, spread)
+    )
+    columns = np.concatenate(prior), at(fit.x), np.sqrt(variance), np.maximum(0.0, 1 - variance / width)
+    for (name, unit), row in zip(labels, np.column_stack(columns).tolist(), strict=True):
+        yield Estimated(name, unit, *row)

@@ -76,6 +76,7 @@ def _check_velocities(robot: Robot, log: Log) -> None:
     every = max(1, int(0.05 / np.median(np.diff(log.t))))
     way = np.diff(log.q[::every], axis=0)
     summed = np.diff(cumulative_trapezoid(log.v, log.t, axis=0, initial=0)[::every], axis=0)
+    alike = _correlations(summed, way)
     for j, joint in enumerate(robot.joint_names):
         if np.ptp(log.q[:, j]) < MOVED:
             continue
@@ -83,8 +84,7 @@ def _check_velocities(robot: Robot, log: Log) -> None:
             raise LogError(
                 f"{log.name}: the velocity of {joint} is constant, but the joint moves: its channel is dead", joint
             )
-        like = [_correlation(summed[:, j], way[:, k]) for k in range(way.shape[1])]
-        other = int(np.argmax(like))
+        other = int(np.argmax(like := alike[j]))
         if like[j] < (_ALIKE if like[other] > _ALIKE else _UNLIKE):
             why = (
                 f"it is that of {robot.joint_names[other]}: q and v have different orders of joints"
@@ -102,19 +102,18 @@ def _check_torques(robot: Robot, log: Log, signals: Signals, what: What) -> None
     model = rigid_torques(robot, signals.q, signals.v, signals.a)
     rest, expected = (_without_friction(robot, signals.v, one) for one in (signals.tau, model))
     order = np.arange(robot.nv)
-    like = np.array([[_correlation(signals.tau[:, i], model[:, k]) for k in range(robot.nv)] for i in range(robot.nv)])
-    reversed_all = bool(np.all(np.diag(like) < -_UNLIKE))
-    rows, columns = linear_sum_assignment(-like)
-    error: LogError | None = None
-    for i, k in () if reversed_all else zip(rows, columns, strict=True):
-        if error is None and i != k and like[i, k] > _ALIKE and like[i, i] < _UNLIKE:
-            order = columns
-            error = LogError(
-                f"{log.name}: the torque of {robot.joint_names[i]} is that of {robot.joint_names[k]}: the torques' "
-                f"joints are in another order than {', '.join(robot.joint_names)}",
-                robot.joint_names[i],
-            )
-    error = error or _scale_error(robot, log, rest, expected)
+    like = _correlations(signals.tau, model)
+    own, columns = np.diag(like), linear_sum_assignment(-like)[1]
+    moved = np.flatnonzero((columns != order) & (like[order, columns] > _ALIKE) & (own < _UNLIKE))
+    if moved.size and not np.all(own < -_UNLIKE):
+        order, joint = columns, robot.joint_names[moved[0]]
+        error: LogError | None = LogError(
+            f"{log.name}: the torque of {joint} is that of {robot.joint_names[columns[moved[0]]]}: the torques' "
+            f"joints are in another order than {', '.join(robot.joint_names)}",
+            joint,
+        )
+    else:
+        error = _scale_error(robot, log, rest, expected)
     if error is not None and not (what == "payload" and _payload_explains(robot, signals, rest, expected[:, order])):
         raise error
 
@@ -132,7 +131,7 @@ def _scale_error(robot: Robot, log: Log, rest: Array, expected: Array) -> LogErr
     own = expected[:, strongest]
     scale, joint = float(rest[:, strongest] @ own / (own @ own)), robot.joint_names[strongest]
     message = f"{log.name}: the torque of {joint} is {scale:.3g} times that of the arm's weight and inertia"
-    if _correlation(rest[:, strongest], own) < -_UNLIKE:
+    if _correlations(rest[:, [strongest]], own[:, None]) < -_UNLIKE:
         return LogError(f"{message}: its sign is opposite", joint)
     if not _SCALES[0] < scale < _SCALES[1]:
         return LogError(f"{message}: these are currents, or torques at the motor, not at the joint [N m]", joint)
@@ -170,6 +169,8 @@ def _payload_explains(robot: Robot, signals: Signals, rest: Array, expected: Arr
     return bool(np.linalg.norm(carried) < np.linalg.norm(scaled))
 
 
-def _correlation(one: Array, other: Array) -> float:
-    one, other = one - np.mean(one), other - np.mean(other)
-    return float(one @ other / np.maximum(np.linalg.norm(one) * np.linalg.norm(other), 1e-300))
+def _correlations(one: Array, other: Array) -> Array:
+    """Of each column of one with each of the other, shape (k, m); 0 of a constant one."""
+    one, other = (values - np.mean(values, axis=0) for values in (one, other))
+    sizes = np.outer(np.linalg.norm(one, axis=0), np.linalg.norm(other, axis=0))
+    return np.asarray(one.T @ other / np.maximum(sizes, 1e-300))

@@ -57,7 +57,7 @@ class Equations:
         )
         damping, coulomb = robot.friction.per_joint(robot.nv)
         joints: tuple[int, ...] = ()
-        factors, armature, replaced = np.zeros((0, 4, 4)), np.zeros(0), np.zeros((1, 10))
+        factors, armature, replaced = np.zeros((0, 4, 4)), np.zeros(0), np.zeros((int(what == "payload"), 10))
         wide, rotor = factors, armature
         if what == "payload":
             given, at = robot.payload or Payload(mass=0), robot.frame_of(Payload(mass=0))
@@ -142,12 +142,19 @@ class Equations:
         armature, damping, coulomb, _ = self.unknowns.numbers(x)
         robot, bodies = self.robot, parameters_of(self.unknowns.bodies(x))
         if self.what == "payload":
-            mass, centre, tensor = in_tip(robot, bodies[0])
+            mass, centre, tensor = self.inertia(bodies[0])
             robot = robot.with_payload(Payload(mass=mass, com=centre, inertia=(tensor + tensor.T) / 2))
         elif self.what == "all":
             own = {joint: body.tolist() for joint, body in zip(robot.joint_names, bodies, strict=True)}
             robot = robot.with_inertias(own).with_armature(armature)
         return robot.with_friction(damping, coulomb, self.width)
+
+    def inertia(self, parameters: Array) -> tuple[float, Array, Array]:
+        """Mass, centre and inertia about it, of a body's parameters; of a payload in the tip's frame."""
+        body = pin.Inertia.FromDynamicParameters(parameters)
+        if self.what == "payload":
+            body = self.robot.frame_of(Payload(mass=0)).placement.inverse().act(body)
+        return float(body.mass), np.array(body.lever), np.array(body.inertia)
 
     @cached_property
     def own_precision(self) -> Array:
@@ -167,12 +174,6 @@ class Equations:
         columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
         values = np.linalg.svd(columns, compute_uv=False)
         return int(np.sum(values > _STRUCTURAL * values[0]))
-
-
-def in_tip(robot: Robot, parameters: Array) -> tuple[float, Array, Array]:
-    """Mass, centre and inertia about it in the tip's frame, of a body's parameters in the frame of its joint."""
-    body = robot.frame_of(Payload(mass=0)).placement.inverse().act(pin.Inertia.FromDynamicParameters(parameters))
-    return float(body.mass), np.array(body.lever), np.array(body.inertia)
 
 
 def rigid_torques(robot: Robot, q: Array, v: Array, a: Array) -> Array:

@@ -25,7 +25,7 @@ _BARRIER = 0.1
 by less than a hundredth."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Estimated:
     """One parameter of the arm.
 

@@ -113,14 +113,14 @@ def identify(
     first = [one.part(0, int(kept * one.t.size)) for one in signals]
     widths = (robot.friction.width,) if np.any(robot.friction.coulomb) else options.widths
     systems = _systems(robot, what, first, signals, widths, options.step)
-    _check_length(ordered, systems[0].part(0.0, kept), options)
+    _check_length(ordered, systems[0].begun(kept), options)
     unmoved = tuple(
         joint for j, joint in enumerate(robot.joint_names) if all(np.ptp(one.q[:, j]) < MOVED for one in signals)
     )
     judged = None
     if options.held_out:
         rest = [one.part(int(kept * one.t.size), one.t.size) for one in signals]
-        begun = _estimate(robot, [one.part(0.0, kept) for one in systems], None, unmoved, options, [])
+        begun = _estimate(robot, [one.begun(kept) for one in systems], None, unmoved, options, [])
         judged = _judged(robot, begun, rest, options.step)
     estimate = _estimate(robot, systems, judged, unmoved, options, signals)
     if unfit := _unfit(estimate) or estimate.unfit:
@@ -183,7 +183,7 @@ def _check_length(logs: list[Log], fitted: _System, options: IdentifyOptions) ->
         fitted: equations of their fitted parts.
         options: with the averaging time, the parts and the folds.
     """
-    least, count = max(_LEAST_MEANS, 2 * options.fit.folds), sum(len(one) for one in fitted.torque)
+    least, count = max(_LEAST_MEANS, 2 * options.fit.folds), len(fitted.joined[1])
     if count < least:
         seconds = sum(float(log.t[-1] - log.t[0]) for log in logs)
         raise LogError(
@@ -229,22 +229,15 @@ class _System:
 
     Attributes:
         equations: with their width.
-        columns: of each log, shape (m, nv, p).
-        torque: measured minus known [N m or N], likewise, shape (m, nv).
+        logs: of each log the columns, shape (m, nv, p), and the torques, measured minus known [N m or N], (m, nv).
     """
 
     equations: Equations
-    columns: tuple[Array, ...]
-    torque: tuple[Array, ...]
+    logs: tuple[tuple[Array, ...], ...]
 
-    def part(self, start: float, end: float) -> _System:
-        """The equations of a part of each log."""
-        at = [slice(int(start * len(one)), int(end * len(one))) for one in self.torque]
-        return _System(
-            equations=self.equations,
-            columns=tuple(one[own] for one, own in zip(self.columns, at, strict=True)),
-            torque=tuple(one[own] for one, own in zip(self.torque, at, strict=True)),
-        )
+    def begun(self, part: float) -> _System:
+        """The equations of the first part of each log."""
+        return replace(self, logs=tuple(tuple(one[: int(part * len(one))] for one in log) for log in self.logs))
 
     def fit(self, options: FitOptions) -> Fit:
         """The fit to the torques of all logs."""
@@ -253,7 +246,8 @@ class _System:
     @property
     def joined(self) -> tuple[Array, Array]:
         """Columns and torques of all logs, one after the other."""
-        return np.concatenate(self.columns), np.concatenate(self.torque)
+        columns, torque = map(np.concatenate, zip(*self.logs, strict=True))
+        return columns, torque
 
 
 def _systems(
@@ -266,10 +260,11 @@ def _systems(
     systems = []
     for width in widths:
         own = replace(plain, width=width)
-        signs = [means_of(one.smoothed(np.tanh(one.v / width)), k) for one, k in zip(signals, every, strict=True)]
-        whole = [own.with_coulomb(sign, *part) for sign, part in zip(signs, parts, strict=True)]
-        rest = [means_of(one.tau, k) - known for one, k, (_, known) in zip(signals, every, whole, strict=True)]
-        systems.append(_System(equations=own, columns=tuple(columns for columns, _ in whole), torque=tuple(rest)))
+        logs = []
+        for one, k, part in zip(signals, every, parts, strict=True):
+            columns, known = own.with_coulomb(means_of(one.smoothed(np.tanh(one.v / width)), k), *part)
+            logs.append((columns, means_of(one.tau, k) - known))
+        systems.append(_System(equations=own, logs=tuple(logs)))
     return systems
 
 
@@ -285,13 +280,9 @@ def _best(systems: list[_System]) -> _System:
 
 def _joined(systems: list[_System]) -> _System:
     """The system that has the equations of joint j from system j."""
-
-    def own(arrays: list[tuple[Array, ...]]) -> tuple[Array, ...]:
-        logs = zip(*arrays, strict=True)
-        return tuple(np.stack([one[:, j] for j, one in enumerate(log)], axis=1) for log in logs)
-
-    return _System(
-        equations=replace(systems[0].equations, width=np.array([one.equations.width for one in systems])),
-        columns=own([one.columns for one in systems]),
-        torque=own([one.torque for one in systems]),
+    width = np.array([one.equations.width for one in systems])
+    logs = tuple(
+        tuple(np.stack([one[:, j] for j, one in enumerate(own)], axis=1) for own in zip(*log, strict=True))
+        for log in zip(*(one.logs for one in systems), strict=True)
     )
+    return _System(equations=replace(systems[0].equations, width=width), logs=logs)

@@ -187,9 +187,8 @@ def fit(unknowns: Unknowns, columns: Array, torque: Array, options: FitOptions) 
         options: numbers of the fit.
     """
     x, weight = np.zeros(unknowns.size), options.weights[0] if len(options.weights) == 1 else 1.0
-    floor = options.least_noise * np.sqrt(np.mean(torque**2, axis=0)) + 1e-12
-    noise = np.maximum(np.sqrt(np.mean(torque**2, axis=0)), floor)
-    inflation = np.ones(torque.shape[1])
+    noise = np.sqrt(np.mean(torque**2, axis=0)) + 1e-12
+    floor = options.least_noise * noise + 1e-12
     for k in range(options.rounds):
         scaled = (torque - columns @ x) / noise
         robust = np.minimum(1.0, options.huber / np.maximum(np.abs(scaled), 1e-12))
@@ -200,7 +199,7 @@ def fit(unknowns: Unknowns, columns: Array, torque: Array, options: FitOptions) 
         x = minimise(unknowns, normal, weight, x)
         residual = torque - columns @ x
         noise = np.maximum(1.4826 * np.median(np.abs(residual - np.median(residual, axis=0)), axis=0), floor)
-        inflation = autocorrelation(residual, options.huber * noise, options.least_inflation)
+    inflation = autocorrelation(residual, options.huber * noise, options.least_inflation)
     scores = normal_matrix(columns, weights * inflation)
     prior = weight * unknowns.divergence_near(x).hessian
     return Fit(
