@@ -156,6 +156,13 @@ class Equations:
             body = self.robot.frame_of(Payload(mass=0)).placement.inverse().act(body)
         return float(body.mass), np.array(body.lever), np.array(body.inertia)
 
+    @property
+    def torque_limits(self) -> Array:
+        """The joints' smaller limit of torque [N m or N], shape (nv,); 0: none."""
+        ranges = self.robot.limits.actuators
+        limits = np.minimum(np.abs(ranges.lower), np.abs(ranges.upper))
+        return np.where(np.isfinite(limits), limits, 0.0)
+
     @cached_property
     def own_precision(self) -> Array:
         """Information of the prior by its own width, shape (p, p)."""

@@ -198,9 +198,7 @@ def _warnings(robot: Robot, estimate: Estimate, signals: list[Signals], options:
     equations, found = estimate.equations, estimate.fit
     (links,) = _systems(robot, "all", signals, signals, (equations.width,), options.step)
     whole = links.fit(replace(options.fit, weights=(found.weight,)))
-    ranges = robot.limits.actuators
-    size = np.minimum(np.abs(ranges.lower), np.abs(ranges.upper))
-    significant = found.noise > _SIGNIFICANT * np.where(np.isfinite(size), size, 0.0)
+    significant = found.noise > _SIGNIFICANT * equations.torque_limits
     parts = zip(robot.joint_names, whole.noise / found.noise, significant, strict=True)
     joints = ", ".join(f"{joint} to {100 * part:.0f} %" for joint, part, own in parts if own and part < _EXPLAINED)
     warning = f"the logs ask for other inertias of the links, with which torque residuals fall in {joints}"

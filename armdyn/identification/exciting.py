@@ -142,15 +142,21 @@ class _Search:
 
     @cached_property
     def spline(self) -> tuple[Array, Array, Array]:
-        """The spline's values and two derivatives at these times for unit coefficients, each of shape (n, k)."""
-        return _spline(max(4, round(self.options.knots * self.duration)), self.t)
+        """Values and two derivatives at these times of a clamped spline for unit coefficients, each of shape (n, k).
+
+        The first and the last three coefficients are equal: the joints are at rest there.
+        """
+        free = max(4, round(self.options.knots * self.duration))
+        inner = np.linspace(0, self.duration, free + 4 - _DEGREE + 1)
+        knots = np.concatenate([np.zeros(_DEGREE), inner, np.full(_DEGREE, self.duration)])
+        basis = BSpline(knots, np.repeat(np.eye(free), [3, *[1] * (free - 2), 3], axis=0), _DEGREE)
+        return basis(self.t), basis(self.t, nu=1), basis(self.t, nu=2)
 
     @cached_property
     def ends(self) -> tuple[Array, Array]:
         """Least and largest positions [rad or m], each of shape (nv,)."""
-        lower, upper = self.robot.limits.position_lower, self.robot.limits.position_upper
-        endless = ~np.isfinite(upper - lower)
-        lower, upper = np.where(endless, -np.pi, lower), np.where(endless, np.pi, upper)
+        ends = np.stack([self.robot.limits.position_lower, self.robot.limits.position_upper])
+        lower, upper = np.where(np.isfinite(ends).all(axis=0), ends, [[-np.pi], [np.pi]])
         idle = (1 - self.options.margin) / 2 * (upper - lower)
         return lower + idle, upper - idle
 
@@ -223,12 +229,3 @@ class _Search:
         tau = inverse_dynamics(self.robot)(q, v, a)
         name, robot = f"exciting motion of {self.robot.name}", self.robot
         return Trajectory(self.t, q, v, tau, joint_names=robot.joint_names, name=name, model_hash=robot.model_hash)
-
-
-def _spline(free: int, t: Array) -> tuple[Array, Array, Array]:
-    """Values and two derivatives of a clamped spline, shape (n, free): three equal coefficients at each end."""
-    inner = np.linspace(0, t[-1], free + 4 - _DEGREE + 1)
-    knots = np.concatenate([np.zeros(_DEGREE), inner, np.full(_DEGREE, t[-1])])
-    merged = np.repeat(np.eye(free), [3, *(1 for _ in range(free - 2)), 3], axis=0)
-    basis = BSpline(knots, merged, _DEGREE)
-    return basis(t), basis(t, nu=1), basis(t, nu=2)

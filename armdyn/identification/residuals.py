@@ -16,7 +16,6 @@ from armdyn.arrays import Array
 from armdyn.identification.equations import Equations, means_of, rigid_torques
 from armdyn.identification.fitting import Fit, autocorrelation
 from armdyn.identification.log import Signals
-from armdyn.reprs import joint_unit
 
 FALSE_ALARMS = 0.01
 """Level of all tests of a log together; 3 of 40 simulated logs without a fault show a pattern, as samples are few."""
@@ -41,17 +40,17 @@ class Pattern:
     """A dependence that the residuals show.
 
     Attributes:
-        probability: of a dependence as strong, or stronger, by chance.
         joint: its index.
-        words: what it depends on, how much, and why, in a sentence.
         columns: change of the torques with the pattern, in units of the joint's torque, shape (m, nv, k).
+        words: what it depends on, how much, and why, in a sentence.
+        probability: of a dependence as strong, or stronger, by chance.
         unfit: whether intervals do not hold, however wide the pattern makes them.
     """
 
-    probability: float
     joint: int
-    words: str
     columns: Array
+    words: str = ""
+    probability: float = 1.0
     unfit: bool = False
 
 
@@ -87,23 +86,16 @@ class _Tests:
         self.q, self.v, self.a, tau, sign, both, *slow = map(np.concatenate, zip(*averaged, strict=True))
         self.sign, self.both, self.slow, self.tau = sign, both, slow, tau - self.residual
         self.size = np.sqrt(np.mean(tau**2, axis=0)) + 1e-12
-        ranges = equations.robot.limits.actuators
-        limit = np.minimum(np.abs(ranges.lower), np.abs(ranges.upper))
-        self.least = _SIGNIFICANT * np.where(np.isfinite(limit), limit, 0.0)
+        self.least = _SIGNIFICANT * equations.torque_limits
         self.coulomb = equations.unknowns.numbers(fit.x)[2]
-        robot, nv = equations.robot_at(fit.x), equations.robot.nv
-        self.gradient = np.stack(
-            [
-                (rigid_torques(robot, self.q + step, self.v, self.a) - rigid_torques(robot, self.q, self.v, self.a))
-                / _SHIFT
-                for step in _SHIFT * np.eye(nv)
-            ]
-        )
+        robot, steps = equations.robot_at(fit.x), _SHIFT * np.eye(equations.robot.nv)
+        moved = np.stack([rigid_torques(robot, self.q + step, self.v, self.a) for step in steps])
+        self.gradient = (moved - rigid_torques(robot, self.q, self.v, self.a)) / _SHIFT
 
     def hidden(self) -> Iterator[Pattern]:
         """Friction that differs with the direction by a part of it, of each joint."""
         for j, size in enumerate(_ONE_SIDED * self.coulomb):
-            yield Pattern(probability=1.0, joint=j, words="", columns=size * self._own(j, self.both[:, j])[..., None])
+            yield Pattern(joint=j, columns=size * self._own(j, self.both)[..., None])
 
     @staticmethod
     def _signals(one: Signals, width: float | Array) -> list[Array]:
@@ -113,36 +105,36 @@ class _Tests:
 
     def of_joint(self, j: int) -> Iterator[Pattern]:
         """All tests of a joint."""
-        scale = "the torque sensor's scale differs, or another joint's"
-        unit = joint_unit(self.slides[j : j + 1], "N m", "N")
-        yield self._mean(j, self._own(j, self.tau[:, j]), f"the torque: {{size:.2g}} {unit}; {scale}")
-        yield self._mean(j, self._own(j, self.both[:, j]), f"the direction of motion: {{size:.2g}} {unit}; {_FRICTION}")
-        for slow in self.slow:
-            yield self._mean(j, self._own(j, slow[:, j]), f"the speed: {{size:.2g}} {unit}; {_FRICTION}")
-        place = f"the position: {{size:.2g}} {unit}; gravity, gears or cables are not the model's"
-        for wave in (np.sin, np.cos):
-            yield self._mean(j, self._own(j, wave(self.q[:, j])), place)
+        unit, length = ("N", "mm") if self.slides[j] else ("N m", "mrad")
+        parts = (
+            ((self.tau,), "torque", "the torque sensor's scale differs, or another joint's"),
+            ((self.both,), "direction of motion", _FRICTION),
+            (self.slow, "speed", _FRICTION),
+            ((np.sin(self.q), np.cos(self.q)), "position", "gravity, gears or cables are not the model's"),
+        )
+        for signals, what, why in parts:
+            for signal in signals:
+                yield self._mean(j, self._own(j, signal), f"the {what}: {{size:.2g}} {unit}; {why}")
         for signal, what in ((self.v, "motion"), (self.tau, "load")):
             shift = self.gradient[j] * np.sign(signal[:, j, None])
-            words = (
-                f"position and direction of the {what}: {{shift:.2g}} m{'m' if self.slides[j] else 'rad'} of backlash"
-            )
-            yield self._mean(j, shift, words)
+            yield self._mean(j, shift, f"position and direction of the {what}: {{shift:.2g}} {length} of backlash")
             yield self._turning(j, signal[:, j], shift, what, unit)
 
     def _own(self, j: int, values: Array) -> Array:
-        """Columns of a pattern of one joint's torque, shape (m, nv)."""
-        return np.asarray(values[:, None] * (np.arange(self.size.size) == j))
+        """Values at one joint, shape (m, nv), as a column of its torque alone."""
+        return np.where(np.arange(self.size.size) == j, values, 0.0)
+
+    def _scaled(self, j: int, columns: Array) -> Array:
+        """Columns, shape (m, nv, k), the largest number of each being the joint's torque."""
+        return np.asarray(columns * self.size[j] / np.maximum(np.max(np.abs(columns), axis=(0, 1)), 1e-12))
 
     def _mean(self, j: int, column: Array, words: str) -> Pattern:
         """Score test of a column, shape (m, nv)."""
         weights, known = self.fit.weights, self.columns
         rest = column - known @ (self.inverse @ np.einsum("njp,nj->p", known, weights * column))
-        terms = np.sum(weights * rest * column, axis=1)
-        information = float(np.sum(terms))
-        shape = column[..., None] * self.size[j] / max(float(np.max(np.abs(column))), 1e-12)
+        information, scaled = float(np.sum(weights * rest * column)), self._scaled(j, column[..., None])
         if information < 1e-9 * float(np.sum(weights * column**2)) or not information:
-            return Pattern(probability=1.0, joint=j, words="", columns=shape)
+            return Pattern(joint=j, columns=scaled)
         amount = float(np.sum(weights * rest * self.torque)) / information
         scores = np.sum(weights * rest * (self.residual - amount * rest), axis=1)
         inflation = float(autocorrelation(scores[:, None], np.full(1, np.inf), 1.0)[0])
@@ -150,21 +142,19 @@ class _Tests:
         carried = np.sum(weights * rest**2, axis=1)
         freedom = max(1.0, float(np.sum(carried) ** 2 / np.sum(carried**2)) - 1)
         size = abs(amount) * float(np.max(np.abs(rest[:, j])))
-        said = words.format(shift=1e3 * abs(amount), size=size)
-        chance = 2 * float(stdtr(freedom, -abs(amount) / max(deviation, 1e-300)))
-        probability = chance if size > self.least[j] else 1.0
-        return Pattern(probability=probability, joint=j, words=f"residual depends on {said}", columns=shape)
+        said = f"residual depends on {words.format(shift=1e3 * abs(amount), size=size)}"
+        chance = 2 * float(stdtr(freedom, -abs(amount) / max(deviation, 1e-300))) if size > self.least[j] else 1.0
+        return Pattern(joint=j, columns=scaled, words=said, probability=chance)
 
     def _turning(self, j: int, signal: Array, shift: Array, what: str, unit: str) -> Pattern:
         """Test whether residuals are larger next to reversals; what the gear's play changes there as columns."""
         turns = np.concatenate([[False], np.signbit(signal[1:]) != np.signbit(signal[:-1])])
         near = np.convolve(turns, np.ones(2 * _TURNING + 1), "same") > 0
-        own = [near * one[:, j] for one in (self.sign, self.a)]
-        columns = np.stack([shift, *(self._own(j, one) for one in own)], axis=2)
-        columns = columns * self.size[j] / np.maximum(np.max(np.abs(columns), axis=(0, 1)), 1e-12)
+        own = [self._own(j, near[:, None] * one) for one in (self.sign, self.a)]
+        columns = self._scaled(j, np.stack([shift, *own], axis=2))
         square = np.minimum((self.residual[:, j] / self.fit.noise[j]) ** 2, _CLIPPED)
         if np.sum(turns) < 2 or np.mean(near) > 0.5:  # no reversal, or hardly anything else
-            return Pattern(probability=1.0, joint=j, words="", columns=columns)
+            return Pattern(joint=j, columns=columns)
         rest, centred = square[~near], near - np.mean(near)
         square = square - np.mean(rest)
         inflation = float(autocorrelation(square[:, None], np.full(1, np.inf), 1.0)[0])
@@ -173,11 +163,7 @@ class _Tests:
         # Friction of another shape errs by less than the friction; play of a gear, which no column describes, by more.
         more = sizes[0] > self.coulomb[j]
         why = "more than friction: backlash" if more else f"backlash, or {_FRICTION}"
-        said = f"{sizes[0]:.2g} {unit} against {sizes[1]:.2g} {unit}"
-        return Pattern(
-            probability=float(stdtr(float(np.sum(turns)), -value)) if sizes[0] > self.least[j] else 1.0,
-            joint=j,
-            words=f"residual is larger where the {what} turns back: {said}; {why}",
-            columns=columns,
-            unfit=more,
-        )
+        said = f"{sizes[0]:.2g} {unit} against {sizes[1]:.2g} {unit}; {why}"
+        words = f"residual is larger where the {what} turns back: {said}"
+        chance = float(stdtr(float(np.sum(turns)), -value)) if sizes[0] > self.least[j] else 1.0
+        return Pattern(joint=j, columns=columns, words=words, probability=chance, unfit=more)
