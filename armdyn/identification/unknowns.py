@@ -20,18 +20,9 @@ LEAST_RADIUS = 2e-3
 """Least radius of gyration of a prior's body [m]: a point mass could not be fitted by any other body."""
 
 
-def _symmetric_basis() -> Array:
-    """Orthonormal basis of the symmetric 4 × 4 matrices, shape (10, 4, 4)."""
-    basis = []
-    for i in range(4):
-        for j in range(i + 1):
-            one = np.zeros((4, 4))
-            one[i, j] = one[j, i] = 1.0 if i == j else np.sqrt(0.5)
-            basis.append(one)
-    return np.array(basis)
-
-
-BASIS = _symmetric_basis()
+BASIS, (_ROWS, _COLUMNS) = np.zeros((10, 4, 4)), np.tril_indices(4)
+"""Orthonormal basis of the symmetric 4 × 4 matrices."""
+BASIS[range(10), _ROWS, _COLUMNS] = BASIS[range(10), _COLUMNS, _ROWS] = np.where(_ROWS == _COLUMNS, 1.0, np.sqrt(0.5))
 _TRACES = np.trace(BASIS, axis1=1, axis2=2)
 
 
@@ -150,12 +141,9 @@ class Unknowns:
 
     def numbers(self, x: Array) -> tuple[Array, Array, Array, Array]:
         """Armature (or nothing), damping, Coulomb friction and offset at the unknowns x."""
-        start = 10 * len(self.joints)
-        values = x[start:].copy()
-        values[: self.positive] += 1
-        values *= self.scales
+        relative = x[10 * len(self.joints) :] + (np.arange(self.scales.size) < self.positive)
         ends = np.cumsum([self.armature.size, self.damping.size, self.coulomb.size])
-        armature, damping, coulomb, offset = np.split(values, ends)
+        armature, damping, coulomb, offset = np.split(relative * self.scales, ends)
         return armature, damping, coulomb, offset
 
     def _relative(self, x: Array) -> Array:
@@ -170,7 +158,6 @@ class Unknowns:
         positive, free = 1 + x[split : split + self.positive], x[split + self.positive :]
         slopes = _TRACES - turned @ np.eye(4).ravel()
         gradient = np.concatenate([slopes.ravel(), 1 - 1 / positive, free])
-        hessian = np.diag(np.concatenate([np.zeros(split), positive**-2, np.ones(free.size)]))
-        for b, block in enumerate(turned @ np.swapaxes(turned, 1, 2)):
-            hessian[10 * b : 10 * b + 10, 10 * b : 10 * b + 10] = block
+        rest = np.diag(np.concatenate([positive**-2, np.ones(free.size)]))
+        hessian = block_diag(*(turned @ np.swapaxes(turned, 1, 2)), rest)
         return Divergence(gradient, hessian, turned, positive, free)

@@ -114,16 +114,9 @@ def ramp(robot: Robot, q_start: ArrayLike, q_goal: ArrayLike, duration: float) -
     start, goal = pose_given(expect_robot(robot), q_start, "q_start"), pose_given(robot, q_goal, "q_goal")
     T = number(duration, "duration", unit="s", sign="positive", least=_SHORTEST, most=_LONGEST)
     s = np.linspace(0.0, 1.0, max(_LEAST, int(np.ceil(T * _PER_SECOND)) + 1))[:, None]
-    q, v, a = (
-        part * (goal - start) + offset
-        for part, offset in (
-            (_QUINTIC(s), start),
-            (_QUINTIC.deriv()(s) / T, 0.0),
-            (_QUINTIC.deriv(2)(s) / T**2, 0.0),
-        )
-    )
+    way, v, a = (_QUINTIC.deriv(k)(s) / T**k * (goal - start) for k in range(3))
     rest = np.zeros_like(start)
-    return replace(_motion(robot, T * s[:, 0], q, v, a, "ramp"), ends=np.array([[start, rest], [goal, rest]]))
+    return replace(_motion(robot, T * s[:, 0], way + start, v, a, "ramp"), ends=np.array([[start, rest], [goal, rest]]))
 
 
 def set_point(robot: Robot, q_goal: ArrayLike, duration: float = _INSTANT) -> Trajectory:
@@ -138,14 +131,8 @@ def set_point(robot: Robot, q_goal: ArrayLike, duration: float = _INSTANT) -> Tr
         ProblemError: wrong length or not finite; duration not positive.
     """
     q = np.array([pose_given(expect_robot(robot), q_goal, "q_goal")] * 2)
-    return _motion(
-        robot,
-        np.array([0.0, number(duration, "duration", unit="s", sign="positive")]),
-        q,
-        np.zeros_like(q),
-        np.zeros_like(q),
-        "set point",
-    )
+    t, still = np.array([0.0, number(duration, "duration", unit="s", sign="positive")]), np.zeros_like(q)
+    return _motion(robot, t, q, still, still, "set point")
 
 
 def _motion(robot: Robot, t: Array, q: Array, v: Array, a: Array, name: str) -> Trajectory:

@@ -23,6 +23,12 @@ _MOST_STEPS = 10_000
 Complex = NDArray[np.complex128]
 
 
+def resolved(A: Array, C: Array, z: Complex) -> Complex:
+    """C (z I - A)⁻¹ at points z, shape (…, outputs, n)."""
+    rows = np.linalg.solve(z[..., None, None] * np.eye(len(A)) - A.T, C.T)
+    return np.asarray(np.swapaxes(rows, -1, -2))
+
+
 class LateLoop:
     """A loop opened where the arm feels one joint's torque, which comes later than commanded.
 
@@ -39,8 +45,7 @@ class LateLoop:
     def at(self, omega: Array) -> tuple[Complex, Complex]:
         """Points z and C (z I - A)⁻¹ for inputs to the arm, shape (…, 2 nv), at frequencies [rad/s], shape (…)."""
         z = np.exp(1j * self.loop.period * omega)
-        solved = np.linalg.solve(z[..., None, None] * np.eye(len(self.A)) - self.A.T, self.C.T)
-        return z, solved[..., : len(self.loop.arm.A), 0]
+        return z, resolved(self.A, self.C, z)[..., 0, : len(self.loop.arm.A)]
 
     def response(self, z: Complex, rows: Complex, part: float) -> Complex:
         """L(z, p), with z and the rows of `at`."""

@@ -97,12 +97,7 @@ class Rest:
 
     @classmethod
     def of(
-        cls,
-        robot: Robot,
-        q_goal: ArrayLike,
-        controller: Controller,
-        loop: Loop,
-        plant: Robot | None = None,
+        cls, robot: Robot, q_goal: ArrayLike, controller: Controller, loop: Loop, plant: Robot | None = None
     ) -> Self:
         """Linearise a controller's loop.
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from armdyn.arguments import expect
 from armdyn.arrays import Array
-from armdyn.control.stability.delay import delay_margin
+from armdyn.control.stability.delay import Complex, delay_margin, resolved
 from armdyn.control.stability.sampled import SampledLoop
 from armdyn.errors import ProblemError
 
@@ -116,7 +116,7 @@ def _margins(loop: SampledLoop, joint: int) -> Margins:
     response = _response(loop, opened, omega)[:, 0, 0]
     data = control.FrequencyResponseData(response, omega, smooth=True)
     gains, phases, *_ = control.stability_margins(data, returnall=True)
-    gains = np.append(gains, _at_ends(loop, joint))
+    gains = np.append(gains, _at_ends(loop, opened))
     return Margins(
         joint=joint,
         gain=(float(max(gains[gains < 1], default=0.0)), float(min(gains[gains > 1], default=np.inf))),
@@ -143,21 +143,15 @@ def frequencies(loop: SampledLoop, A: Array) -> Array:
     return np.asarray(found[(found >= even[0]) & (found <= nyquist) & apart])
 
 
-def _response(loop: SampledLoop, system: tuple[Array, Array, Array], omega: Array) -> Array:
+def _response(loop: SampledLoop, system: tuple[Array, Array, Array], omega: Array) -> Complex:
     """C (z I - A)⁻¹ B of a system A, B, C at frequencies omega [rad/s], shape (frequencies, outputs, inputs)."""
     A, B, C = system
-    z = np.exp(1j * omega * loop.period)
-    response: Array = C @ np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B)
-    return response
+    return np.asarray(resolved(A, C, np.exp(1j * omega * loop.period)) @ B)
 
 
-def _at_ends(loop: SampledLoop, joint: int) -> Array:
+def _at_ends(loop: SampledLoop, opened: tuple[Array, Array, Array]) -> Array:
     """Factors that bring L to -1 at z = 1 and z = -1, where it is real and crosses nothing, shape (0, 1 or 2)."""
-    A, B, C = broken(loop, joint)
-    factors = []
-    for z in (1.0, -1.0):
-        away = z * np.eye(len(A)) - A
-        if np.linalg.cond(away) < _SINGULAR:  # an integral has its pole there
-            value = float((C @ np.linalg.solve(away, B)).item())
-            factors += [-1 / value] if value < 0 else []
-    return np.array(factors)
+    one, A = np.eye(len(opened[0])), opened[0]
+    angles = [angle for angle in (0.0, np.pi) if np.linalg.cond(np.cos(angle) * one - A) < _SINGULAR]  # no pole there
+    values = _response(loop, opened, np.array(angles) / loop.period).real.ravel()
+    return np.asarray(-1 / values[values < 0])

@@ -79,26 +79,27 @@ def _stability(rests: Rests, loop: Loop) -> SampledStability:
         growth = _continuous_growth(rests, loop)
         with np.errstate(over="ignore"):
             radius = float(np.exp(growth * loop.period))
-        stable = growth < 0
-        verdict = "stable" if stable else "unstable"
-        return SampledStability(radius, stable, growth, None, f"{verdict} as a continuous loop ({_growth(growth)})")
+        verdict = f"{'stable' if growth < 0 else 'unstable'} as a continuous loop ({_growth(growth)})"
+        return SampledStability(radius, growth < 0, growth, None, verdict)
     radius = _radius(rests, loop)
-    how = f"spectral radius {radius:.4g} at {loop.rate:g} Hz with {_ticks(loop.delay)} of delay"
+    ticks = f"{loop.delay or 'no'} tick{'s' * (loop.delay > 1)}"
+    how = f"spectral radius {radius:.4g} at {loop.rate:g} Hz with {ticks} of delay"
     try:
         continuous: float | None = _continuous_growth(rests, replace(Loop.ideal(), rate=loop.rate))
     except ProblemError:  # a law that was made for samples alone
         continuous = None
-    if radius < 1:
-        return SampledStability(radius, True, continuous, None, f"stable as sampled: {how}")
-    if continuous is None:
-        return SampledStability(radius, False, None, None, f"unstable as sampled: {how}")
-    if continuous >= 0:
+    rate = None
+    if radius < 1 or continuous is None:
+        message = f"{'stable' if radius < 1 else 'unstable'} as sampled: {how}"
+    elif continuous >= 0:
         message = f"unstable even as a continuous loop ({_growth(continuous)}); {how}"
-        return SampledStability(radius, False, continuous, None, message)
-    rate = _slowest(rests, loop, *RATES)
-    found = f"stable from {rate:.0f} Hz on" if rate else f"not stable up to {RATES[1]:g} Hz with this delay and filter"
-    message = f"unstable for its sampling: stable as a continuous loop ({_growth(continuous)}), {how}; {found}"
-    return SampledStability(radius, False, continuous, rate, message)
+    else:
+        rate = _slowest(rests, loop, *RATES)
+        found = (
+            f"stable from {rate:.0f} Hz on" if rate else f"not stable up to {RATES[1]:g} Hz with this delay and filter"
+        )
+        message = f"unstable for its sampling: stable as a continuous loop ({_growth(continuous)}), {how}; {found}"
+    return SampledStability(radius, radius < 1, continuous, rate, message)
 
 
 def slowest_stable_rate(
@@ -168,15 +169,11 @@ def least_stable(
     Returns:
         The number, on the stable side; None if the greatest is not stable.
     """
-    above = high
-    for below in np.geomspace(high, low, int(np.ceil(per_decade * np.log10(high / low))) + 1).tolist():
-        if not stable(below):
-            break
-        above = below
-    else:
-        return low
-    if below == high:
-        return None
+    scan = np.geomspace(high, low, int(np.ceil(per_decade * np.log10(high / low))) + 1).tolist()
+    first = next((k for k, one in enumerate(scan) if not stable(one)), None)  # that is not stable, from above
+    if not first:
+        return low if first is None else None
+    above, below = map(float, scan[first - 1 : first + 1])
     while above > below * (1 + exact):
         middle = float(np.sqrt(below * above))
         below, above = (below, middle) if stable(middle) else (middle, above)
@@ -200,7 +197,3 @@ def _continuous_growth(rests: Rests, loop: Loop) -> float:
 
 def _growth(growth: float) -> str:
     return f"max Re λ = {growth:+.4g} 1/s"
-
-
-def _ticks(delay: int) -> str:
-    return f"{delay} tick{'s' * (delay != 1)}" if delay else "no tick"

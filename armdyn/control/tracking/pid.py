@@ -78,16 +78,15 @@ def simulate_pid(
         duration=seconds, tolerance=arrival.tolerance, q_start=start, v_start=v_start,
     )  # fmt: skip
     run = _arrived(setup.run(robot, name=f"PID ({form.replace('_', ' ')})"), goal, arrival, growth)
+    message = run.message
     if run.arrival_time is None and gains is DEFAULT_GAINS:
-        run = replace(
-            run, message=f"{run.message}; the gains are the default {gains}, which may not suit form {form!r}"
-        )
+        message += f"; the gains are the default {gains}, which may not suit form {form!r}"
     if saturate and (weak := _unholdable(robot, goal)):
-        weakness = f"the effort limit of {', '.join(weak)} does not hold the arm at the goal"
-        run = replace(run, message=f"{run.message}; {weakness}")
+        message += f"; the effort limit of {', '.join(weak)} does not hold the arm at the goal"
     t = np.linspace(0.0, run.trajectory.duration, samples)
     state = run.trajectory(t)
-    return replace(run, trajectory=replace(run.trajectory, t=t, q=state.q, v=state.v, tau=state.tau))
+    trajectory = replace(run.trajectory, t=t, q=state.q, v=state.v, tau=state.tau)
+    return replace(run, message=message, trajectory=trajectory)
 
 
 def _ticks(duration: float, steps: int, nv: int) -> int:

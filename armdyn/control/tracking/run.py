@@ -105,11 +105,8 @@ class Run:
 
     def with_stability(self, stability: SampledStability) -> Self:
         """The run with the stability at its goal, in the message too if the loop is unstable."""
-        if stability.stable:
-            return replace(self, stability=stability)
-        return replace(
-            self, stability=stability, message=f"{self.message}; at the goal the loop is {stability.message}"
-        )
+        at_goal = "" if stability.stable else f"; at the goal the loop is {stability.message}"
+        return replace(self, stability=stability, message=self.message + at_goal)
 
     def words(self) -> dict[str, str]:
         """The numbers of a run in words, by their names."""
@@ -125,8 +122,8 @@ class Run:
         """Summary of the run for JSON: success means that it settled; units as above."""
         errors = ("error_at_end", "peak_error", "peak_velocity", "saturated", "failed_time", "overshoot")
         own = attributes(self, "message", "settled_time", *errors)
-        facts = {"success": self.settled, "status": str(self.status), **own}
-        facts["limits_exceeded"] = list(self.limits_exceeded)
+        exceeded = list(self.limits_exceeded)
+        facts = {"success": self.settled, "status": str(self.status), **own, "limits_exceeded": exceeded}
         return facts if self.stability is None else facts | {"stability": as_json(vars(self.stability))}
 
 
@@ -155,7 +152,7 @@ def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: s
     moving = float(t[-1]) if settled is None else max(ticks.duration, settled)
     during = driven.clipped[: max(int(np.ceil(moving * ticks.rate)), 1)]
     return Run(
-        trajectory=replace(_trajectory(robot, driven, t, name), hold=hold),
+        trajectory=_trajectory(robot, driven, t, name, hold),
         status=status,
         message=message,
         settled_time=settled,
@@ -232,13 +229,13 @@ def _error_at(t: Array, errors: Array, time: float) -> float:
     return max(abs(float(np.interp(time, t, column))) for column in errors.T)
 
 
-def _trajectory(robot: Robot, driven: Driven, t: Array, name: str) -> Trajectory:
+def _trajectory(robot: Robot, driven: Driven, t: Array, name: str, hold: TorqueHold) -> Trajectory:
     """The trajectory; also of a run that broke off at once, with two samples."""
     rows = slice(None) if t.size > 1 else [0, 0]
     times = t if t.size > 1 else np.array([0.0, 1e-9])
     return Trajectory(
         t=times, q=driven.q[rows], v=driven.v[rows], tau=np.nan_to_num(driven.tau[rows]),
-        joint_names=robot.joint_names, name=robot.marked(name), model_hash=robot.model_hash,
+        joint_names=robot.joint_names, name=robot.marked(name), model_hash=robot.model_hash, hold=hold,
     )  # fmt: skip
 
 
@@ -264,9 +261,8 @@ def _status(
     if driven.ended == "failed":
         return "failed", f"the integrator gave up at t = {end:.6g} s, where no step is short enough: {where}"
     if within_since is not None:
-        near = (
-            f"all joints within {tolerance:g} {joint_unit(robot.slides)} of the goal from t = {within_since:.6g} s on"
-        )
+        within = f"all joints within {tolerance:g} {joint_unit(robot.slides)} of the goal"
+        near = f"{within} from t = {within_since:.6g} s on"
         if end - within_since >= STAYS - 1e-9:  # rounding of ticks over the rate
             return "settled", near
         return "not_settled", f"not settled: {near}, but the run ends at {end:.6g} s: they must stay for {STAYS:g} s"

@@ -40,6 +40,9 @@ _POSITION_BOUND, _VELOCITY_BOUND = 100.0, 1000.0
 sixteen turns and ten times the fastest robot. A start beyond a tenth of them moves them out."""
 
 
+_HELD = "; the arm starts at the goal, so that it is held there and does not move to it: q_start is where it starts"
+
+
 @dataclass(frozen=True, eq=False)
 class Setup:
     """A controller's law along a reference, and its connection to an arm.
@@ -165,9 +168,10 @@ class Setup:
     def drive(self, plants: Sequence[Robot], seed: int | None = None) -> Driven:
         """Simulate the motion on an arm, one per piece."""
         nv, loop, plant = self.robot.nv, self.loop, plants[-1]
-        falling = [own for own in (self.robot.limits.actuators, plant.limits.actuators) if not own.constant]
-        falling = falling if loop.saturate else []
-        lower, upper = self._limits(plant)
+        limits = (self.robot.limits.actuators, plant.limits.actuators) if loop.saturate else ()
+        falling = [own for own in limits if not own.constant]
+        lower = np.max([np.full(nv, -np.inf), *(own.lower for own in limits)], axis=0)
+        upper = np.min([np.full(nv, np.inf), *(own.upper for own in limits)], axis=0)
         count = max(int(np.ceil(self.duration * loop.rate - 1e-9)), 1)
         noise: Array = np.empty(0)
         if loop.noise:
@@ -206,13 +210,6 @@ class Setup:
         ]
         which = np.repeat([distinct.index(pair) for pair in pairs], np.diff([*self.starts, self.starts[-1] + 1]))
         return ChangingLoad(loads, which, self.loop.delay)
-
-    def _limits(self, plant: Robot) -> tuple[Array, Array]:
-        """Torque limits in any state [N m or N]: the tighter ones of model and plant."""
-        if not self.loop.saturate:
-            return np.full(plant.nv, -np.inf), np.full(plant.nv, np.inf)
-        own, its = self.robot.limits.actuators, plant.limits.actuators
-        return np.maximum(own.lower, its.lower), np.minimum(own.upper, its.upper)
 
     def _scalars(self, count: int) -> dict[str, Any]:
         loop = self.loop
@@ -283,16 +280,9 @@ def track(
     setup = Setup.of(robot, reference, controller, loop, duration=duration, tolerance=tolerance, q_start=q_start)
     plants = _plants(setup.robots, reference, robot, plant)
     run = setup.run(plants, name=f"tracked by {_called(controller)}")
-    if (
-        run.settled
-        and max(np.abs(q - setup.ticks.goal).max() for q in (reference.q, setup.start[: robot.nv])) <= tolerance
-    ):
-        held = (
-            "the arm starts at the goal, so that it is held there and does not move to it: q_start is where it starts"
-        )
-        return replace(run, message=f"{run.message}; {held}")
     if run.settled:
-        return run
+        poses = np.vstack([reference.q, setup.start[: robot.nv]])
+        return replace(run, message=run.message + (_HELD if np.all(abs(poses - setup.ticks.goal) <= tolerance) else ""))
     return run.with_stability(sampled_stability(setup.robot, setup.ticks.goal, controller, loop, plants[-1]))
 
 
