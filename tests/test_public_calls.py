@@ -41,7 +41,12 @@ OTHERS = (None, 3, "x", True, LOOP, ad.Robot, object())
 
 
 ALIASES = {"address": "scheduler", "text": "^it: ", "placement": "pose", "trajectory": "motion", "joints": "passive"}
-ALIASES |= {"ki": "gains", "name": "no frame|no pose", "duration": "samples|motion cannot be started"}
+ALIASES |= {
+    "ki": "gains",
+    "name": "no frame|no pose",
+    "duration": "samples|motion cannot be started",
+    "frame": "frame|dwell",
+}
 """Other names of arguments in messages; of a file or a name its value is enough."""
 RESULTS = {
     *(

@@ -215,11 +215,7 @@ class RmsTorque(PartialLimit):
     def of_option(cls, values: list[float], frame: str | None = None) -> Self:
         """Parse the option: one number, or one per joint; after @ the dwell."""
         values, frame = cls._option_parts(values, frame)
-        dwell = (
-            0.0
-            if frame is None
-            else parsed(frame.removesuffix("s"), f"frame of --limit {cls.option}, the dwell after @")
-        )
+        dwell = 0.0 if frame is None else parsed(frame.removesuffix("s"), f"--limit {cls.option}: the dwell after @")
         return cls(values[0] if len(values) == 1 else values, dwell)
 
     def option_text(self) -> str:

@@ -163,7 +163,7 @@ def test_hostile_yaml(tmp_path):
         ("{a: " * 100_000, "deeper than"),
         ("a: [", "not YAML"),
         ("- !!python/object/apply:os.system [touch hacked]", "must be a table"),
-        ("world: !!python/object/apply:os.system [touch hacked]", "no planning scene"),
+        ("world: !!python/object/apply:os.system [touch hacked]", "world .*must be a table"),
         ("", "no planning scene"),
         ("a: 1", "no planning scene"),
         ("a: 1\n---\nb: 2", "2 documents"),
