@@ -23,6 +23,7 @@ from armdyn.files import as_json, read_json, write_whole
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.obstacles import Obstacle, obstacle_entry, payload_entry
 from armdyn.models.values.actuator_limits import torque_speed_entry
+from armdyn.models.values.placement import pose_entry
 from armdyn.show.page.facts import Facts
 from armdyn.trajectory import Trajectory
 
@@ -63,6 +64,7 @@ def model_facts(robot: Robot) -> dict[str, object]:
         "tip": robot.tip,
         "payload": None if payload is None else payload_entry(payload) | {"frame": payload.frame},
         "tool": None if robot.options.tool is None else payload_entry(robot.options.tool),
+        "mount": None if robot.options.mount is None else pose_entry(np.array(robot.options.mount), turned=True),
         "locked": {name: float(q) for name, q in robot.locked.items()},
         "limits": as_json(limits.rows),
         "torque_speed": torque_speed_entry(limits.actuators),

@@ -360,3 +360,15 @@ def test_an_arm_of_a_problem_file_that_comes_with_armdyn_is_drawn(tmp_path):
     result = tmp_path / "run" / "result.json"
     result.write_text(result.read_text().replace('"name": "r"', '"name": "rr"'))
     assert "cannot be made again" in run_json("report", "run", cwd=tmp_path)["warnings"][0]
+
+
+def test_a_result_remembers_where_its_arm_is_mounted(tmp_path):
+    out, ceiling = tmp_path / "run", ("--mount", "0,0,2.5,180deg,0,0")
+    run_json("track", "rr", *ceiling, "--ramp", "0.5", "--controller", "computed-torque", *BARE, "--out", out)
+    arm = subject_of(read_saved(out), SubjectSpec()).robot
+    assert arm.model_hash == ad.Robot.from_spec(ad.ArmSpec.paper("rr"), mount=arm.options.mount).model_hash
+    np.testing.assert_allclose(np.array(arm.options.mount)[:3, 3], [0, 0, 2.5])
+    np.testing.assert_allclose(np.diag(arm.options.mount), [1, -1, -1, 1], atol=1e-15)  # rounding of sin(pi)
+    assert not report(out)["warnings"] and "0, 0, 2.5 m" in (out / "report.html").read_text()
+    assert "X,Y,Z,ROLL,PITCH,YAW" in run_here("doctor", "rr", "--mount", "0,0").stderr
+    assert "give both" in run_here("report", out, *ceiling).stderr

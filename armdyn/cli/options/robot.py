@@ -12,7 +12,8 @@ from armdyn.cli.options.groups import ROBOT, Numbers, argument, group, option
 from armdyn.cli.options.path_constraints import obstacles_of
 from armdyn.cli.options.poses import check_units_of_sliding_locks, position
 from armdyn.errors import ProblemError, SpecError
-from armdyn.parsing.numbers import FREE
+from armdyn.models.values.placement import pose_of, pose_rows
+from armdyn.parsing.numbers import FREE, number
 
 TAKE_FILES = "mintime, bound, sweep, track, monte-carlo, tune and pid"
 """Commands that take a problem file for a robot."""
@@ -59,6 +60,19 @@ def ends_of(text: str, option: str = "--arm") -> tuple[str, str]:
     return first, last
 
 
+def mount_of(text: str, option: str = "--mount") -> tuple[tuple[float, ...], ...]:
+    """Placement of a base, as rows of its matrix.
+
+    Raises:
+        ProblemError: the text is no position [m], with or without roll, pitch and yaw.
+    """
+    values = text.split(",")
+    if len(values) not in (3, 6):
+        raise ProblemError(f"{option} {text!r}: write X,Y,Z or X,Y,Z,ROLL,PITCH,YAW [m; rad, 90deg works]")
+    turn = [position(value, option) for value in values[3:]]
+    return pose_rows(pose_of([number(value, option) for value in values[:3]], None, turn or None, option), option)
+
+
 @group(ROBOT)
 class PartOptions:
     """Choice of the moving joints, and the tool.
@@ -66,6 +80,7 @@ class PartOptions:
     Attributes:
         lock: JOINT=Q of each joint that does not move.
         part: first and last joint or link of those that do.
+        mount: placement of the base in the world, rows of its matrix.
         tool: a file with the tool.
         package_dir: folders of the meshes' packages.
     """
@@ -79,6 +94,11 @@ class PartOptions:
         "FIRST,LAST",
         "Only the joints from one joint or link to another move, all else is locked; a last link is the tip.",
         name="--arm",
+    )
+    mount: Annotated[tuple[tuple[float, ...], ...] | None, mount_of] = option(
+        "X,Y,Z[,ROLL,PITCH,YAW]",
+        "Place of the base in the world \\[m; rad, 90deg works]: 0,0,2.5,180deg,0,0 hangs from a ceiling. Gravity, "
+        "obstacles and goal poses stay in the world.",
     )
     tool: str | None = option(
         "FILE.toml",
@@ -106,7 +126,9 @@ class PartOptions:
         if kind:
             raise SpecError(f"{name} is a problem file, which {TAKE_FILES} take; here a robot is needed")
         tool, folders = self._tool() or tool, tuple(self.package_dir or ())
-        options = ad.RobotOptions(payload=payload, tool=tool, lock=self.locks(), arm=self.part, package_dirs=folders)
+        options = ad.RobotOptions(
+            payload=payload, tool=tool, lock=self.locks(), arm=self.part, mount=self.mount, package_dirs=folders
+        )
         robot = ad.Robot.from_source(RobotSource.named(name), options).noted()
         check_units_of_sliding_locks(self.lock or (), robot)
         return robot
@@ -116,7 +138,7 @@ class PartOptions:
         from armdyn.optimal.problem.robot_tables import robot_from
         from armdyn.parsing.toml import read_toml
 
-        for one in ("lock", "part", "tool"):
+        for one in ("lock", "part", "mount", "tool"):
             if getattr(self, one):
                 raise only_in_the_file(one, name)
         robot = robot_from(read_toml(name).table("robot"))

@@ -24,6 +24,7 @@ from armdyn.models import PLANAR_ARMS, JointLimits, Payload, Robot
 from armdyn.models.robots.loads import is_motion_of
 from armdyn.models.scene.obstacles import Obstacle, obstacle_from, payload_from, tool_from
 from armdyn.models.values.actuator_limits import TorqueSpeed
+from armdyn.models.values.placement import pose_from, pose_rows
 from armdyn.reprs import joint_unit
 from armdyn.show.page.facts import Facts, as_number
 from armdyn.show.page.motions import ShownMotion, Subject
@@ -50,8 +51,9 @@ class SubjectSpec:
     payload: Payload | None = None
 
     def __post_init__(self) -> None:
-        if self.robot is None and (self.part.lock or self.part.part):
-            raise ProblemError(f"{'--lock' if self.part.lock else '--arm'} is of a robot that --robot names: give both")
+        given = {"--lock": self.part.lock, "--arm": self.part.part, "--mount": self.part.mount}
+        if self.robot is None and any(given.values()):
+            raise ProblemError(f"{next(filter(given.get, given))} is of a robot that --robot names: give both")
 
 
 def subject_of(saved: Saved, spec: SubjectSpec) -> Subject:
@@ -135,6 +137,8 @@ def _built(name: str, facts: Facts, spec: SubjectSpec) -> Robot:
     part, ends = spec.part, options.text("part")
     if not (part.lock or part.part or name.lower().endswith(".toml")):  # a file says it itself
         part = replace(part, lock=locked or None, part=ends_of(ends) if ends else None)
+    if (mount := model.part("mount").given()) and not (part.mount or name.lower().endswith(".toml")):
+        part = replace(part, mount=pose_rows(pose_from(mount, "mount"), "mount"))
     held = tool_from(tool) if tool else None
     if spec.robot is not None:
         try:
@@ -146,7 +150,7 @@ def _built(name: str, facts: Facts, spec: SubjectSpec) -> Robot:
     elif name in PLANAR_ARMS or _is_file(name):
         arm = part.read(name, carried, held)
     else:
-        arm = Robot.from_library(name, carried, tool=held, lock=part.locks(), arm=part.part)
+        arm = Robot.from_library(name, carried, tool=held, lock=part.locks(), arm=part.part, mount=part.mount)
     armature, friction = model.numbers("armature"), model.part("friction")
     if len(armature) == arm.nv and None not in armature:
         arm = arm.with_armature([x or 0.0 for x in armature])

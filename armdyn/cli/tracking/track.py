@@ -69,7 +69,7 @@ class ReferenceOptions:
             if motion.model_hashes and not is_motion_of(task.arm, motion):
                 warnings.warn(
                     f"{self.reference}: was computed for another arm, payload or friction than {task.arm.name}'s: "
-                    "give the --payload, --damping, --friction and --lock of its run",
+                    "give the --payload, --damping, --friction, --lock and --mount of its run",
                     ad.ArmdynWarning, stacklevel=2,
                 )  # fmt: skip
             return motion

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self, Unpack
 
+import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
@@ -55,6 +56,8 @@ class Robot(Arm):
             given = replace(given, tool=replace(given.tool, frame=reading.tip))
         if source.limits is not None:
             reading = replace(reading, limits=source.limits)
+        if given.mount is not None:
+            reading = replace(reading, model=_mounted(reading.model, pin.SE3(np.array(given.mount))))
         name = source.name if source.format == "model" else str(reading.model.name)
         robot = cls(
             name=name, joint_names=tuple(list(reading.model.names)[1:]), origin=source, options=given, **vars(reading)
@@ -116,8 +119,8 @@ class Robot(Arm):
         Args:
             path: the file.
             payload: fixed to `payload.frame`, by default the tip.
-            keywords: the other fields of `RobotOptions`: tool, lock, arm, effort_limit, velocity_limit, torque_speed,
-                armature, rotor_inertia, gear_ratio, damping, friction, friction_width, passive, inertias,
+            keywords: the other fields of `RobotOptions`: tool, lock, arm, mount, effort_limit, velocity_limit,
+                torque_speed, armature, rotor_inertia, gear_ratio, damping, friction, friction_width, passive, inertias,
                 package_dirs; or `options`, a whole `RobotOptions`.
 
         Raises:
@@ -289,6 +292,18 @@ def _reading(source: RobotSource, options: RobotOptions) -> Reading:
     if file is None:
         return replace(read_arm(source.text or "", name, lock, arm), package_dirs=folders)
     return replace(read_arm(read_urdf(file), str(file), lock, arm), package_dirs=mesh_folders(Path(file), folders))
+
+
+def _mounted(model: pin.Model, mount: pin.SE3) -> pin.Model:
+    """The model with its base placed in the world: joints and frames on the base move with it."""
+    model = model.copy()
+    for joint in range(1, model.njoints):
+        if model.parents[joint] == 0:
+            model.jointPlacements[joint] = mount * model.jointPlacements[joint]
+    for frame in list(model.frames)[1:]:  # the first is the world itself
+        if frame.parentJoint == 0:
+            frame.placement = mount * frame.placement
+    return model
 
 
 def expect_robot(robot: object, name: str = "robot") -> Robot:

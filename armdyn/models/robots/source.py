@@ -18,7 +18,8 @@ from armdyn.models.mjcf.reading import is_mjcf
 from armdyn.models.robots.library import described, is_description, library_names
 from armdyn.models.values.friction import FrictionValue
 from armdyn.models.values.joint_limits import JointLimits
-from armdyn.models.values.spec import PLANAR_ARMS, ArmSpec, Payload, Tool
+from armdyn.models.values.placement import Placement
+from armdyn.models.values.spec import PLANAR_ARMS, ArmSpec, Payload, Tool, placed
 from armdyn.reprs import brief
 
 Format = Literal["spec", "library", "urdf", "mjcf", "model"]
@@ -116,6 +117,7 @@ class RobotKeywords(TypedDict, total=False):
     tool: Tool | None
     lock: Mapping[str, float | Literal["free"]] | None
     arm: tuple[str, str] | None
+    mount: Placement | None
     effort_limit: ArrayLike | None
     velocity_limit: ArrayLike | None
     torque_speed: Mapping[str, ArrayLike] | None
@@ -153,6 +155,9 @@ class RobotOptions(Checked):
             way from one to the other move, all others of the robot are locked, at zero or at the bound nearest to it
             unless `lock` says where. A last link is the tip. None: all joints move but those of `lock`, and a `<mimic>`
             joint whose leader is locked, which follows it; of a library's robot those of `LIBRARY_ARMS`.
+        mount: placement of the base in the world, on a wall or a ceiling: a position [m], shape (3,), or a pose, shape
+            (4, 4) or `pin.SE3`; gravity, obstacles and goal poses stay in the world. Kept as the rows of the matrix.
+            None: where the file has it.
         effort_limit: torque limits: one number, or one per joint [N m or N]; None: the file's.
         velocity_limit: one number, or one per joint [rad/s or m/s]; None: the file's.
         torque_speed: torque-speed curves of motors, joint name to [speed [rad/s or m/s], torque [N m or N]] of two or
@@ -174,7 +179,8 @@ class RobotOptions(Checked):
             mesh.
 
     Raises:
-        SpecError: tool is no tool, lock no mapping, arm no pair of names, or package_dirs no list of paths.
+        SpecError: tool is no tool, lock no mapping, arm no pair of names, mount no placement, or package_dirs no list
+            of paths.
     """
 
     payload: Payload | None = None
@@ -183,6 +189,7 @@ class RobotOptions(Checked):
         expect, None, kind=Mapping, hint="joint name to position [rad or m]", error=SpecError
     )
     arm: tuple[str, str] | None = checked(_ends_of_arm, None)
+    mount: Placement | None = checked(placed, None)
     effort_limit: ArrayLike | None = None
     velocity_limit: ArrayLike | None = None
     torque_speed: Mapping[str, ArrayLike] | None = None

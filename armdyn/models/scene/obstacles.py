@@ -20,7 +20,7 @@ from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.mesh import Group, Mesh
 from armdyn.models.scene.point_cloud import HeightMap, PointCloud
 from armdyn.models.scene.shapes import Box, Capsule, Cylinder, Obstacle, Plane, Sphere
-from armdyn.models.values.placement import pose_entry, pose_of
+from armdyn.models.values.placement import pose_entry, pose_from, pose_of
 from armdyn.models.values.spec import Payload, Tool
 
 __all__ = [
@@ -85,8 +85,7 @@ def obstacle_from(entry: Mapping[str, Any], where: str, folder: str | os.PathLik
     with reraised(ProblemError, where):
         arguments = {key: entry[key] for key in parameters if key in entry} | ({"name": name} if make is made else {})
         if given & {"position", "rpy", "quaternion"}:
-            turned = entry.get("quaternion"), entry.get("rpy")
-            arguments["placement"] = pose_of(entry.get("position", (0, 0, 0)), *turned, f"obstacle {name!r}")
+            arguments["placement"] = pose_from(entry, f"obstacle {name!r}")
         if "file" in entry:
             if folder is None:
                 raise ProblemError(f'"file" is {shown(entry["file"])}; a file of results names no others')

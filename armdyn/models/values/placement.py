@@ -1,5 +1,6 @@
 """Positions and poses from arrays, placements and quaternions."""
 
+from collections.abc import Mapping
 from typing import TypeAlias
 
 import numpy as np
@@ -83,6 +84,19 @@ def pose_of(position: ArrayLike, quaternion: ArrayLike | None, rpy: ArrayLike | 
             )
         pose[:3, :3] = pin.Quaternion(*np.roll(q / length, 1)).toRotationMatrix()
     return pose
+
+
+POSE_KEYS = ("position", "quaternion", "rpy")
+"""Keys of a pose in files."""
+
+
+def pose_from(entry: Mapping[str, ArrayLike], what: str) -> Array:
+    """A pose from a table of `POSE_KEYS`, each of which may be missing; see `pose_of`.
+
+    Raises:
+        ProblemError: see `pose_of`.
+    """
+    return pose_of(entry.get("position", (0.0, 0.0, 0.0)), entry.get("quaternion"), entry.get("rpy"), what)
 
 
 def pose_entry(pose: Array, *, turned: bool) -> dict[str, list[float]]:

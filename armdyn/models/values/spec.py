@@ -172,9 +172,10 @@ class Payload(Checked):
         return Payload(mass=mass, com=(last.com - last.length, 0.0, 0.0))
 
 
-def _tip(tip: Placement, name: str) -> tuple[tuple[float, ...], ...]:
+def placed(placement: Placement, name: str) -> tuple[tuple[float, ...], ...]:
+    """A placement of a robot's tip or base as rows of its matrix; raises a `SpecError`, see `pose_rows`."""
     with reraised(SpecError):
-        return pose_rows(tip, name)
+        return pose_rows(placement, name)
 
 
 @brief
@@ -194,7 +195,7 @@ class Tool(Payload):
     """
 
     name: str = checked(text, "tool", name="payload name", error=SpecError)
-    tip: Placement = checked(_tip)
+    tip: Placement = checked(placed)
 
     def _of_whom(self) -> str:
         return f" of tool {shown(self.name)}"

@@ -18,6 +18,7 @@ from armdyn.models.robots.robot import Robot
 from armdyn.models.robots.source import RobotOptions, RobotSource
 from armdyn.models.scene.obstacles import PAYLOAD_KEYS, TOOL_KEYS, payload_entry, payload_from, tool_from
 from armdyn.models.values.actuator_limits import torque_speed_entry
+from armdyn.models.values.placement import POSE_KEYS, pose_entry, pose_from
 from armdyn.models.values.spec import PLANAR_ARMS, ArmSpec, LinkSpec
 from armdyn.parsing.numbers import FREE
 from armdyn.parsing.toml import Table
@@ -27,12 +28,19 @@ _NUMBERS = (
     "effort_limit", "velocity_limit", "armature", "rotor_inertia", "gear_ratio", "damping", "friction",
     "friction_width", "passive",
 )  # fmt: skip
-KEYS = (*_SOURCES, "lock", "arm", "payload", "tool", *_NUMBERS, "torque_speed", "inertias", "limits", "likely")
+KEYS = (*_SOURCES, "lock", "arm", "mount", "payload", "tool", *_NUMBERS, "torque_speed", "inertias", "limits", "likely")
 """The keys of [robot]."""
 _LIKELY = ("payload", "inertias", "armature", "damping", "friction", "friction_width")
 """The keys of [[robot.likely]]; the others are those of [robot]."""
 
-_WORDS = {"payload": "payload", "tool": "tool", "--lock": "lock", "no robot": "name", "no such file": "name"}
+_WORDS = {
+    "payload": "payload",
+    "tool": "tool",
+    "mount": "mount",
+    "--lock": "lock",
+    "no robot": "name",
+    "no such file": "name",
+}
 """Words in messages, and the key of [robot] that each concerns."""
 
 
@@ -61,10 +69,11 @@ def robot_from(table: Table, mass: float | None = None) -> Robot:
         ends = given.get("arm")
         if "arm" in given and not (isinstance(ends, list) and len(ends) == 2 and all(isinstance(e, str) for e in ends)):
             raise table.error("arm", f"arm is {shown(ends)}; it is two joints or links: ['first', 'last']")
+        mount = pose_from(_inner(table, "mount", POSE_KEYS), "mount") if "mount" in given else None
         numbers: Any = {key: given[key] for key in _NUMBERS if key in given}
         numbers |= {key: _inner(table, key) for key in ("torque_speed", "inertias") if key in given}
         payload = payload_from(carried, folder) if carried else None
-        options = RobotOptions(payload=payload, tool=tool, lock=lock, arm=ends, **numbers)
+        options = RobotOptions(payload=payload, tool=tool, lock=lock, arm=ends, mount=mount, **numbers)
         robot = Robot.from_source(_source(table), options)
         if "limits" in given:
             rows = _inner(table, "limits", tuple(robot.limits.rows))
@@ -91,13 +100,15 @@ def robot_table(robot: Robot, folder: str | os.PathLike[str] | None = None) -> d
         written["lock"] = {joint: q if isinstance(q, str) else float(q) for joint, q in options.lock.items()}
     if options.arm is not None:
         written["arm"] = list(options.arm)
+    if options.mount is not None:
+        written["mount"] = pose_entry(np.array(options.mount), turned=True)
     if robot.payload is not None:
         written["payload"] = payload_entry(robot.payload)
     if options.inertias is not None:
         written["inertias"] = {joint: np.asarray(own, dtype=float).tolist() for joint, own in options.inertias.items()}
     if options.tool is not None:
         written["tool"] = payload_entry(options.tool)
-    read = {name: getattr(options, name) for name in ("tool", "lock", "arm", "inertias")}
+    read = {name: getattr(options, name) for name in ("tool", "lock", "arm", "mount", "inertias")}
     plain = Robot.from_source(origin, RobotOptions(payload=robot.payload, **read))
     if robot.joint_names != plain.joint_names or robot.tip != plain.tip:
         raise SpecError(f"{robot.source}: joints or tip were changed after it was read: no problem file describes it")

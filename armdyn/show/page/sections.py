@@ -181,6 +181,9 @@ def model_section(name: str, facts: Facts) -> Section:
             kinds = ", ".join(shape.text("type") for shape in body.parts("shapes"))
             at = body.text("frame") or model.text("tip") or "the tip"
             rows.append((part, f"{1e3 * mass:g} g at {at}{f', {kinds}' if kinds else ''}"))
+    if place := model.part("mount").numbers("position"):
+        turn = ", ".join(f"{x or 0.0:.4g}" for x in model.part("mount").numbers("quaternion"))
+        rows.append(("mount", f"{', '.join(f'{x or 0.0:.4g}' for x in place)} m, quaternion {turn}"))
     locked = model.part("locked").values
     if locked:
         locks = [f"{joint} = {as_number(q) or 0.0:.4g}" for joint, q in list(locked.items())[:40]]
