@@ -12,7 +12,6 @@ from armdyn.cli.options.groups import ROBOT, Numbers, argument, group, option
 from armdyn.cli.options.path_constraints import obstacles_of
 from armdyn.cli.options.poses import check_units_of_sliding_locks, position
 from armdyn.errors import ProblemError, SpecError
-from armdyn.models.values.placement import pose_of, pose_rows
 from armdyn.parsing.numbers import FREE, number
 
 TAKE_FILES = "mintime, bound, sweep, track, monte-carlo, tune and pid"
@@ -66,6 +65,8 @@ def mount_of(text: str, option: str = "--mount") -> tuple[tuple[float, ...], ...
     Raises:
         ProblemError: the text is no position [m], with or without roll, pitch and yaw.
     """
+    from armdyn.models.values.placement import pose_of, pose_rows
+
     values = text.split(",")
     if len(values) not in (3, 6):
         raise ProblemError(f"{option} {text!r}: write X,Y,Z or X,Y,Z,ROLL,PITCH,YAW [m; rad, 90deg works]")
