@@ -6,7 +6,7 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.identification.equations import Equations
-from armdyn.identification.estimate import Estimate, Estimated, Judged
+from armdyn.identification.estimate import Estimate, Estimated
 from armdyn.identification.fitting import Fit
 from armdyn.identification.unknowns import parameters_of
 from armdyn.models.robots.arm import payload_inertia
@@ -25,15 +25,7 @@ _DIFFERENCE = 1e-5
 """Step of the derivatives of a body's numbers by its relative unknowns."""
 
 
-def assembled(
-    robot: Robot,
-    equations: Equations,
-    fit: Fit,
-    covariance: Array,
-    judged: Judged | None,
-    unmoved: tuple[str, ...],
-    patterns: tuple[str, ...],
-) -> Estimate:
+def assembled(robot: Robot, equations: Equations, fit: Fit, covariance: Array) -> Estimate:
     """The estimate of a fit.
 
     Args:
@@ -41,9 +33,6 @@ def assembled(
         equations: the fitted equations.
         fit: their fit.
         covariance: of the unknowns, by the prior's own width and the patterns, shape (p, p).
-        judged: torque errors on data held out.
-        unmoved: joints that hardly move.
-        patterns: sentences on those that the residuals show.
     """
     *_, offset = equations.unknowns.numbers(fit.x)
     combinations = equations.structural_rank
@@ -52,14 +41,11 @@ def assembled(
         robot=equations.robot_at(fit.x),
         offset=offset,
         parameters=tuple(_parameters(robot, equations, fit, covariance)),
-        judged=judged,
         noise=fit.noise,
         weight=fit.weight,
         combinations=combinations,
         measured_combinations=int(np.sum(values > fit.weight)),
         condition=float(np.sqrt(values[0] / max(values[-1], 1e-300))),
-        unmoved=unmoved,
-        warnings=patterns,
         equations=equations,
         fit=fit,
     )

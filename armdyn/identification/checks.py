@@ -85,11 +85,9 @@ def _check_velocities(robot: Robot, log: Log, v: Array) -> None:
             )
         other = int(np.argmax(like := alike[j]))
         if like[j] < (_ALIKE if like[other] > _ALIKE else _UNLIKE):
-            why = (
-                f"it is that of {robot.joint_names[other]}: q and v have different orders of joints"
-                if like[other] > _ALIKE
-                else "it is not the derivative of q"
-            )
+            why = "it is not the derivative of q"
+            if like[other] > _ALIKE:
+                why = f"it is that of {robot.joint_names[other]}: q and v have different orders of joints"
             raise LogError(f"{log.name}: the velocity of {joint} does not fit its positions: {why}", joint)
         scale = float(summed[:, j] @ way[:, j] / (way[:, j] @ way[:, j]))
         if not 0.5 < scale < 2:

@@ -118,13 +118,13 @@ class Estimate:
     robot: Robot
     offset: Array
     parameters: tuple[Estimated, ...]
-    judged: Judged | None
+    judged: Judged | None = None
     noise: Array
     weight: float
     combinations: int
     measured_combinations: int
     condition: float
-    unmoved: tuple[str, ...]
+    unmoved: tuple[str, ...] = ()
     unfit: str = ""
     warnings: tuple[str, ...] = ()
     equations: Equations = field(repr=False)

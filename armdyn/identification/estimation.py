@@ -120,23 +120,16 @@ def identify(
     judged = None
     if options.held_out:
         rest = [one.part(int(kept * one.t.size), one.t.size) for one in signals]
-        begun = _estimate(robot, [one.begun(kept) for one in systems], None, unmoved, options, [])
+        begun = _estimate(robot, [one.begun(kept) for one in systems], options, [])
         judged = _judged(robot, begun, rest, options.step)
-    estimate = _estimate(robot, systems, judged, unmoved, options, signals)
+    estimate = replace(_estimate(robot, systems, options, signals), judged=judged, unmoved=unmoved)
     if unfit := _unfit(estimate) or estimate.unfit:
         return replace(estimate, unfit=unfit)
     links = () if what == "all" else _warnings(robot, estimate, signals, options)
     return replace(estimate, warnings=(*estimate.warnings, *links))
 
 
-def _estimate(
-    robot: Robot,
-    systems: list[_System],
-    judged: Judged | None,
-    unmoved: tuple[str, ...],
-    options: IdentifyOptions,
-    signals: list[Signals],
-) -> Estimate:
+def _estimate(robot: Robot, systems: list[_System], options: IdentifyOptions, signals: list[Signals]) -> Estimate:
     """The estimate of the best of the systems; its residuals are tested on the signals, if there are any."""
     try:
         best = _best(systems)
@@ -149,8 +142,9 @@ def _estimate(
         for one in sorted((one for one in seen if one.words), key=lambda one: not one.unfit):
             first.setdefault(one.joint, one)
         words = {one: f"joint {robot.joint_names[j]}: {one.words}" for j, one in first.items()}
-        estimate = assembled(robot, best.equations, found, covariance, judged, unmoved, tuple(words.values()))
-        return replace(estimate, unfit="; ".join(said for one, said in words.items() if one.unfit))
+        unfit = "; ".join(said for one, said in words.items() if one.unfit)
+        estimate = assembled(robot, best.equations, found, covariance)
+        return replace(estimate, unfit=unfit, warnings=tuple(words.values()))
     except np.linalg.LinAlgError:  # unknowns next to the border of physical bodies, a thousand times the prior
         raise LogError(f"the logs cannot be fitted: {_FAR}") from None
 

@@ -164,9 +164,8 @@ class Log(Checked):
             if len(message.effort) != len(message.name):
                 raise LogError(f"{file}: its JointState has no effort: there are no torques in it")
             v = message.velocity if len(message.velocity) == len(message.name) else np.full(len(message.name), np.nan)
-            rows.append(
-                (time, np.stack([np.asarray(one, dtype=float)[at] for one in (message.position, v, message.effort)]))
-            )
+            arrays = (message.position, v, message.effort)
+            rows.append((time, np.stack([np.asarray(one, dtype=float)[at] for one in arrays])))
             if len(rows) > MOST_SAMPLES:
                 raise LogError(f"{file}: more than {MOST_SAMPLES} samples")
         if not rows:
@@ -258,8 +257,7 @@ class Signals:
             # A kernel of order 2 that is cut off has a mean, which q / step² would show.
             a = np.gradient(v, step, axis=0)
         else:
-            v = at_even_times(log.v)
-            v, a = smooth(v, 0), smooth(v, 1)
+            v, a = (smooth(at_even_times(log.v), derivative) for derivative in (0, 1))
         whole = cls(t=times, q=smooth(q, 0), v=v, a=a, tau=smooth(tau, 0), width=width)
         return whole.part(cut, log.t.size - cut)
 

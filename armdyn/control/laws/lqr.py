@@ -104,9 +104,6 @@ def diagonals(weights: ErrorWeights, delay: int, share: tuple[float, float], mov
     return np.asarray(np.where(moving[:, None], on_the_way, at_goal) ** 2)
 
 
-_WEIGHTS = ("position", "velocity", "integral")
-
-
 @dataclass(frozen=True)
 class Lqr(Checked):
     """tau = tau_ref + K (e, ė, ∫e dt, tau_ref - tau of torques decided and not yet applied), K of each tick.
@@ -159,23 +156,18 @@ class Lqr(Checked):
         expect_motors(expect_robot(robot), "a linear-quadratic regulator")
         nv, reference, delay = robot.nv, reference_of(robot, ticks, loop), loop.delay
         half, plant = half_range(robot), plant_steps(robot, ticks)
-        given = (per_joint(getattr(self, name), robot.joint_names, name, error=ProblemError) for name in _WEIGHTS)
+        given = [(getattr(self, name), name) for name in ErrorWeights._fields]
+        weights = ErrorWeights(*(per_joint(one, robot.joint_names, name, error=ProblemError) for one, name in given))
         moving = np.arange(len(ticks.q)) / ticks.rate < ticks.duration
         moving[-1] = False
-        weights = bearable(ErrorWeights(*given), half, plant, loop, self.phase)
+        weights = bearable(weights, half, plant, loop, self.phase)
         share = self.position_on_the_way, self.velocity_on_the_way
         steps = loop_steps(plant, delay, np.where(moving, 0.0, loop.period))
         gains = _along(steps, diagonals(weights, delay, share, moving), 1 / half**2)
         more = len(reference.q) - len(gains)
-        columns = {
-            "q": reference.q,
-            "v": reference.v,
-            "tau": reference.tau,
-            "pending": np.hstack(
-                [np.empty((len(reference.q), 0)), *(extended(ticks.ahead(i), more) for i in range(delay))]
-            ),
-            "K": extended(gains.reshape(len(gains), -1), more),
-        }
+        pending = np.hstack([np.empty((len(reference.q), 0)), *(extended(ticks.ahead(i), more) for i in range(delay))])
+        columns = {"q": reference.q, "v": reference.v, "tau": reference.tau, "pending": pending}
+        columns["K"] = extended(gains.reshape(len(gains), -1), more)
 
         def torque(given: Readings) -> ca.SX:
             row = given.row

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
-from itertools import pairwise
+from itertools import dropwhile, pairwise
 from typing import Literal
 
 import numpy as np
@@ -93,9 +93,7 @@ def routh_table(polynomial: ArrayLike | Sequence[Fraction]) -> RouthTable:
         ProblemError: it is no list of finite numbers, all of them are zero, or they are too many for fractions of so
             many digits.
     """
-    exact = _exact(polynomial)
-    while exact and exact[0] == 0:
-        exact = exact[1:]
+    exact = list(dropwhile(lambda x: x == 0, _exact(polynomial)))
     if not exact:
         raise ProblemError(f"polynomial is {shown(polynomial)}; one coefficient at least must not be zero")
     degree, bits = len(exact) - 1, sum(x.numerator.bit_length() + x.denominator.bit_length() for x in exact)
@@ -143,11 +141,11 @@ def characteristic_polynomial(matrix: ArrayLike) -> tuple[Fraction, ...]:
     n = len(A)
     scale = max([Fraction(x).denominator for x in A.ravel().tolist()], default=1)
     whole = np.array([[int(Fraction(x) * scale) for x in row] for row in A.tolist()], dtype=object).reshape(n, n)
-    one = np.array([[int(i == j) for j in range(n)] for i in range(n)], dtype=object).reshape(n, n)
+    one = np.eye(n, dtype=object)
     coefficients, M = [1], one
     for k in range(1, n + 1):
         product = whole @ M
-        coefficients.append(-sum(product[i, i] for i in range(n)) // k)
+        coefficients.append(-np.trace(product) // k)
         M = product + coefficients[-1] * one
     return tuple(Fraction(c, scale**k) for k, c in enumerate(coefficients))
 

@@ -57,17 +57,6 @@ class ChangingLoad:
         arguments = [q, v, integral, ca.vec(pending), ca.vertcat(row, weights)]
         return ca.Function("law", arguments, [ca.vertcat(tau, weights)])
 
-    @property
-    def plant(self) -> Plant:
-        """The arm with the load that the weights choose."""
-        return _arm([one.plant for one in self.loads])
-
-    @property
-    def model(self) -> Plant | None:
-        """The observer's arm with the load that the weights choose."""
-        models = [one.model for one in self.loads if one.model is not None]
-        return _arm(models) if models else None
-
     def drive(self, tables: Tables, scalars: Mapping[str, object]) -> Driven:
         """Run the loop.
 
@@ -78,7 +67,9 @@ class ChangingLoad:
         if len(self.loads) == 1:
             plant, model, law = self.loads[0]
             return drive(plant, law.function, model, tables, scalars)
-        driven = drive(self.plant, self.law, self.model, self.tables(tables), scalars)
+        models = [one.model for one in self.loads if one.model is not None]
+        plant, model = _arm([one.plant for one in self.loads]), _arm(models) if models else None
+        driven = drive(plant, self.law, model, self.tables(tables), scalars)
         nv = driven.q.shape[1] - len(self.loads)
         arrays = {name: getattr(driven, name)[:, :nv] for name in ("q", "v", "tau", "estimate", "clipped")}
         return driven._replace(**arrays)

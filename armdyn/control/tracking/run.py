@@ -148,6 +148,7 @@ def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: s
         message = f"{message}; {'and' if settled is None else 'but'} {'; '.join(exceeded)}"
     off = np.abs(driven.q - ticks.q[np.minimum(np.arange(len(t)), len(ticks.q) - 1)]).max(axis=1)
     lost = np.flatnonzero(off > max(_LOST * tolerance, float(off[0])))
+    at_end = [np.interp(ticks.duration, t, one) for one in (driven.q - ticks.goal).T]
     broke = float(t[-1]) if driven.ended != "whole" else None
     moving = float(t[-1]) if settled is None else max(ticks.duration, settled)
     during = driven.clipped[: max(int(np.ceil(moving * ticks.rate)), 1)]
@@ -156,7 +157,7 @@ def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: s
         status=status,
         message=message,
         settled_time=settled,
-        error_at_end=_error_at(t, driven.q - ticks.goal, ticks.duration),
+        error_at_end=float(np.abs(at_end).max()) if ticks.duration <= t[-1] + 1e-12 else float("inf"),
         peak_error=float(off.max()),
         peak_velocity=float(speeds.max()),
         saturated=float(during.any(axis=1).mean()) if len(during) else 0.0,
@@ -221,12 +222,6 @@ def overshoot(q: Array, goal: Array) -> Array:
     way = np.sign(goal - q[0])
     past = np.where(way == 0, np.abs(q - goal), way * (q - goal))
     return np.asarray(np.maximum(past.max(axis=0), 0.0))
-
-
-def _error_at(t: Array, errors: Array, time: float) -> float:
-    if time > t[-1] + 1e-12:
-        return float("inf")
-    return max(abs(float(np.interp(time, t, column))) for column in errors.T)
 
 
 def _trajectory(robot: Robot, driven: Driven, t: Array, name: str, hold: TorqueHold) -> Trajectory:

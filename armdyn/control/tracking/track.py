@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -187,7 +187,17 @@ class Setup:
             integral_gain=self.law.integral_gain,
             noise=noise,
         )
-        driven = self._changing(plants, falling).drive(tables, self._scalars(count))
+        far = 10 * float(np.abs(self.start - np.concatenate([self.ticks.goal, np.zeros(nv)])).max())
+        scalars = {
+            **{name: getattr(loop, name) for name in ("period", "encoder", "pole", "delay", "velocity", "antiwindup")},
+            "integrate_from": self.law.integrate_from,
+            "away": max(_POSITION_BOUND, far),
+            "fast": max(_VELOCITY_BOUND, far),
+            "tolerance": _TOLERANCE,
+            "ticks": count,
+            "continuous": loop.hold == "continuous",
+        }
+        driven = self._changing(plants, falling).drive(tables, scalars)
         for own in falling:
             tau = own.clip(driven.tau, driven.q, driven.v)
             clipped = driven.clipped | (tau[: len(driven.clipped)] != driven.tau[: len(driven.clipped)])
@@ -210,24 +220,6 @@ class Setup:
         ]
         which = np.repeat([distinct.index(pair) for pair in pairs], np.diff([*self.starts, self.starts[-1] + 1]))
         return ChangingLoad(loads, which, self.loop.delay)
-
-    def _scalars(self, count: int) -> dict[str, Any]:
-        loop = self.loop
-        far = 10 * float(np.abs(self.start - np.concatenate([self.ticks.goal, np.zeros(self.robot.nv)])).max())
-        return {
-            "period": loop.period,
-            "encoder": loop.encoder,
-            "pole": loop.pole,
-            "integrate_from": self.law.integrate_from,
-            "away": max(_POSITION_BOUND, far),
-            "fast": max(_VELOCITY_BOUND, far),
-            "tolerance": _TOLERANCE,
-            "ticks": count,
-            "delay": loop.delay,
-            "continuous": loop.hold == "continuous",
-            "velocity": loop.velocity,
-            "antiwindup": loop.antiwindup,
-        }
 
 
 def expect_own_payload(robot: Robot, reference: Trajectory) -> None:
