@@ -14,6 +14,8 @@ from armdyn.control.stability.margins import broken, frequencies, loop_margins, 
 from armdyn.control.stability.region import GainRegion
 from armdyn.control.stability.sampled import sampled_loop
 from armdyn.errors import ProblemError
+from armdyn.models.robots.robot import Robot
+from armdyn.models.values.spec import ArmSpec, Payload
 from pid_loops import example
 
 CASES = {
@@ -141,3 +143,16 @@ def test_narrow_resonances_are_met():
         disk = 1 / np.abs(1 / (1 + np.array(response)) - 0.5).max()
         assert one.disk == pytest.approx(disk, rel=1e-4)
         assert one.phase >= 2 * np.arctan(one.disk / 2) * (1 - 1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("bandwidth", "rate", "q"), [(36.0, 500.0, -0.4), (14.0, 200.0, -0.7)])
+def test_poles_of_an_arm_without_friction_are_no_evaluated_frequencies(bandwidth, rate, q):
+    """A pendulum's poles are on the unit circle, where z I - A is singular to the last digit."""
+    robot = Robot.from_spec(ArmSpec.paper("r"), payload=Payload(mass=0.1))
+    controller = ComputedTorque(bandwidth, 1.0, 0.2 * bandwidth**3)
+    for delay in range(3):
+        loop = sampled_loop(robot, [q], controller, Loop(rate=rate, delay=delay, velocity="exact"))
+        (one,) = loop_margins(loop)
+        # 1e-3 is ten times the error of the interpolation between frequencies.
+        assert times(loop, one.gain[1] * 0.999).radius < 1 < times(loop, one.gain[1] * 1.001).radius
