@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from armdyn.trajectory.interpolation import INTERPOLATIONS, KEPT, between_rows, 
 from armdyn.trajectory.planned import Planned
 from armdyn.trajectory.samples import landed
 from armdyn.trajectory.tables import check_times
+
+Measured = tuple[Array, Array, Array, Array]
+"""Times [s], shape (n,); values, limits, and values as parts of the limits [-], each of shape (n, nv)."""
 
 REST = 3
 """Ticks of rest before and after a motion: as many as the third difference reaches back."""
@@ -292,7 +296,7 @@ def controller_check(
     checked = [name for name in interface.conditions if name not in (*about_torque, *unlimited, *unknown)]
     if commands.between is not None and not (commands.sparse or interface.splines):
         for name in (one for one in ("position", "velocity") if one in checked):
-            share = np.max(_between(name, limits, *commands.between)[3]) - 1
+            share = np.max(_bounded(name, limits, *commands.between)[3]) - 1
             if KEPT < share <= KEPT_IN_STEP:
                 notes.append(f"between the points, a tick apart, a {name} limit is exceeded by {100 * share:.2g} %")
     rows = [row for condition in checked for row in _rows(condition, limits, interface, joints, commands)]
@@ -306,7 +310,7 @@ def _rows(
     parts = [(*_measured(condition, limits, interface, commands), TOLERANCE)]
     if commands.between is not None and condition in ("position", "velocity"):
         free = commands.sparse or interface.splines
-        between = _between(condition, limits, *commands.between)
+        between = _bounded(condition, limits, *commands.between)
         if free or np.any(between[3] > 1 + KEPT_IN_STEP):
             parts.append((*between, KEPT if free else KEPT_IN_STEP))
     for i, joint in enumerate(("all joints",) if condition == "time_step" else joints):
@@ -325,85 +329,56 @@ def _rows(
         )  # fmt: skip
 
 
-def _between(
-    condition: str, limits: ControllerLimits, t: Array, q: Array, v: Array
-) -> tuple[Array, Array, Array, Array]:
-    """As `_measured`, of the positions or velocities along the interpolation."""
+def _bounded(condition: str, limits: ControllerLimits, t: Array, q: Array, v: Array) -> Measured:
+    """Positions or velocities; the share of a position is 0 in the middle of its range, and 1 at the ends."""
     if condition == "position":
-        return _positions(t, q, np.asarray(limits.position_lower), np.asarray(limits.position_upper))
-    bounds = _velocity_bounds(limits, q, v)
+        lower, upper = np.asarray(limits.position_lower), np.asarray(limits.position_upper)
+        above, below, half = q - upper, lower - q, (upper - lower) / 2
+        shares = np.maximum(0, 1 + np.maximum(above, below) / np.where(np.isfinite(half), half, 1.0))
+        return t, q, np.where(above > below, upper, lower), shares
+    bounds: Array = np.broadcast_to(np.asarray(limits.velocity), v.shape)
+    if limits.taper is not None:
+        lower, upper = limits.taper.at(q)
+        bounds = np.maximum(np.minimum(bounds, np.where(v < 0, -lower, upper)), REST_VELOCITY)
     return t, v, bounds, np.abs(v) / np.maximum(bounds, 1e-9)
 
 
-def _velocity_bounds(limits: ControllerLimits, q: Array, v: Array) -> Array:
-    bounds: Array = np.broadcast_to(np.asarray(limits.velocity), v.shape)
-    if limits.taper is None:
-        return bounds
-    lower, upper = limits.taper.at(q)
-    return np.maximum(np.minimum(bounds, np.where(v < 0, -lower, upper)), REST_VELOCITY)
-
-
-def _measured(
-    condition: str, limits: ControllerLimits, interface: Interface, commands: Commands
-) -> tuple[Array, Array, Array, Array]:
-    """Times [s], shape (n,); values, limits, and values as parts of the limits [-], each of shape (n, nv)."""
+def _measured(condition: str, limits: ControllerLimits, interface: Interface, commands: Commands) -> Measured:
+    """Values of a condition at the ticks, or at the ends, with their limits."""
     t, q, rate = commands.t, commands.q, interface.rate
     if condition == "position":
-        return _positions(t, q, np.asarray(limits.position_lower), np.asarray(limits.position_upper))
-    if condition in _ONCE:
-        return _once(condition, limits, commands)
-    if condition.startswith("zero_"):
-        return _ends(condition, limits, rate, commands)
+        return _bounded(condition, limits, t, q, q)
     if condition.startswith("torque"):
         assert commands.tau is not None  # noqa: S101  # `controller_check` leaves such conditions out
         order, values = int(condition == "torque_rate"), commands.tau
-    else:
+    elif condition in ("velocity", "acceleration", "jerk"):
         order, values = ("position", "velocity", "acceleration", "jerk").index(condition), q
         if interface.name == "velocity":
             order, values = order - 1, commands.v
-    values = np.diff(values, n=order, axis=0) * rate**order  # backward: the last of its ticks is its own
-    t, last = t[order:], q[max(order - 1, 0) : -1 if order else None]
-    if condition == "velocity":  # the position of the last command: libfranka's control_loop.cpp
-        bounds = _velocity_bounds(limits, last, values)
     else:
-        bounds = np.broadcast_to(np.asarray(getattr(limits, condition)), values.shape)
-    return t, values, bounds, np.abs(values) / np.maximum(bounds, 1e-9)
-
-
-_ONCE = ("end_velocity", "time_step", "start")
-"""Conditions that hold at one time."""
-
-
-def _once(condition: str, limits: ControllerLimits, commands: Commands) -> tuple[Array, Array, Array, Array]:
-    """As `_measured`, of a condition in `_ONCE`."""
-    step, begin = commands.least
-    time, value = {
-        "end_velocity": (float(commands.t[-1]), commands.ends[0, 1]),
-        "time_step": (begin, step),
-        "start": (float(commands.t[0]), commands.away),
-    }[condition]
-    values = np.reshape(value, (1, -1))
+        return _once(condition, limits, rate, commands)
+    values = np.diff(values, n=order, axis=0) * rate**order  # backward: the last of its ticks is its own
+    if condition == "velocity":  # the position of the last command: libfranka's control_loop.cpp
+        return _bounded(condition, limits, t[order:], q[max(order - 1, 0) : -1 if order else None], values)
     bounds = np.broadcast_to(np.asarray(getattr(limits, condition)), values.shape)
-    shares = bounds / values if condition == "time_step" else np.abs(values) / bounds
-    return np.array([time]), values, bounds, shares
+    return t[order:], values, bounds, np.abs(values) / np.maximum(bounds, 1e-9)
 
 
-def _positions(t: Array, q: Array, lower: Array, upper: Array) -> tuple[Array, Array, Array, Array]:
-    """Check of positions: a share is 0 in the middle of the range, and 1 at its ends."""
-    above, below = q - upper, lower - q
-    half = (upper - lower) / 2
-    shares = np.maximum(0, 1 + np.maximum(above, below) / np.where(np.isfinite(half), half, 1.0))
-    return t, q, np.where(above > below, upper, lower), shares
-
-
-def _ends(
-    condition: str, limits: ControllerLimits, rate: float, commands: Commands
-) -> tuple[Array, Array, Array, Array]:
-    """Check of velocity or acceleration at both ends: at most the allowed change in one tick."""
-    order = int(condition == "zero_acceleration")
-    values = commands.ends[order]
-    change = (limits.acceleration, limits.jerk)[order]
-    least = (REST_VELOCITY, REST_ACCELERATION)[order]
-    bounds = np.broadcast_to(least if change is None else np.asarray(change) / rate, values.shape)
-    from_to = np.array([commands.t[0], commands.t[-1]])
-    return from_to, values, bounds, np.abs(values) / bounds
+def _once(condition: str, limits: ControllerLimits, rate: float, commands: Commands) -> Measured:
+    """A condition that holds at one time, or at both ends: rest there is the allowed change in one tick."""
+    (begin, end), (velocities, accelerations), (step, at) = commands.t[[0, -1]], commands.ends, commands.least
+    rest = [
+        least if change is None else np.asarray(change) / rate
+        for change, least in ((limits.acceleration, REST_VELOCITY), (limits.jerk, REST_ACCELERATION))
+    ]
+    found: dict[str, tuple[Any, Any, Any]] = {
+        "zero_velocity": ([begin, end], velocities, rest[0]),
+        "zero_acceleration": ([begin, end], accelerations, rest[1]),
+        "end_velocity": ([end], velocities[1:], limits.end_velocity),
+        "time_step": ([at], step, limits.time_step),
+        "start": ([begin], commands.away, limits.start),
+    }
+    times, values, limit = found[condition]
+    values = np.reshape(values, (len(times), -1))
+    bounds = np.broadcast_to(np.asarray(limit), values.shape)
+    return np.array(times), values, bounds, bounds / values if condition == "time_step" else np.abs(values) / bounds
