@@ -136,10 +136,8 @@ def locked_joints(
             right = f"one number [rad or m]{'; 0 for a joint of several coordinates' if several else ''}"
             raise SpecError(f"cannot lock {name!r} at {shown(value)}: it must be {right}")
     held = {name: float(value) for name, value in lock.items() if name not in opened}
-    free = {*(joints if arm is None else _chain(model, *arm, source)), *opened} - {
-        *held,
-        *default_locks(model, lock, arm, mimics),
-    }
+    free = {*(joints if arm is None else _chain(model, *arm, source)), *opened}
+    free -= {*held, *default_locks(model, lock, arm, mimics)}
     mimics = mimics or {}
 
     def position(name: str, followers: tuple[str, ...] = ()) -> float | None:

@@ -19,6 +19,8 @@ THINNEST = 1e-3
 
 _LARGE, _COUNTS = 10.0, 0.01
 """Factor on a moment from which a repair is large, of moments of at least a part of the largest one."""
+_UPPER = np.triu_indices(3)
+"""Rows and columns of `MOMENTS` in the tensor."""
 _POWERS = 9
 """Largest power of ten by which an entry may be off: g mm² for kg m²."""
 
@@ -86,8 +88,7 @@ class InertiaRepair:
     def power_of_ten(self) -> tuple[str, Array] | None:
         """The entry that alone, times the least power of ten, makes a physical inertia, and that inertia [kg m²]."""
         for power in sorted(range(-_POWERS, _POWERS + 1), key=lambda power: (abs(power), power)):
-            for key in MOMENTS:
-                i, j = ("xyz".index(axis) for axis in key[1:])
+            for key, i, j in zip(MOMENTS, *_UPPER, strict=True):
                 changed = self.before.copy()
                 changed[i, j] = changed[j, i] = self.before[i, j] * 10.0**power
                 thin, *_, wide = np.linalg.eigvalsh(second_moments(changed))
@@ -160,26 +161,25 @@ def with_inertias(text: str, changed: Mapping[str, Array], estimates: Sequence[I
         return text
     data = text.encode()
     places = _places(data)
-    changes = [
-        (places[link, "inertia"], _tag(data, places[link, "inertia"], tensor)) for link, tensor in changed.items()
-    ]
+    changes = []
+    for link, tensor in changed.items():
+        start, end = at = places[link, "inertia"]
+        changes.append((at, _tag(tensor, "/>" if data[start:end].endswith(b"/>") else ">")))
     for one in estimates:
         at = places.get((one.link, "inertial"), 2 * places[one.link, "link"][1:])
-        xyz, tensor = " ".join(map(repr, one.com.tolist())), _tag(b"/>", (0, 2), one.inertia.inertia).decode()
-        changes.append((at, f'<inertial><origin xyz="{xyz}"/><mass value="{one.mass!r}"/>{tensor}</inertial>'.encode()))
+        xyz, tag = " ".join(map(repr, one.com.tolist())), _tag(one.inertia.inertia)
+        changes.append((at, f'<inertial><origin xyz="{xyz}"/><mass value="{one.mass!r}"/>{tag}</inertial>'))
     names = quoteattr(", ".join([*changed, *(one.link for one in estimates)]))
     for (start, end), written in sorted(changes, reverse=True):
-        data = data[:start] + written + data[end:]
+        data = data[:start] + written.encode() + data[end:]
     _, end = places["", "robot"]
     return (data[:end] + f"\n  <{MARK} repaired={names}/>".encode() + data[end:]).decode()
 
 
-def _tag(data: bytes, place: tuple[int, int], tensor: Array) -> bytes:
-    """A tag `<inertia>` in the place of another; about the same end."""
-    rows = {key: float(tensor["xyz".index(key[1]), "xyz".index(key[2])]) for key in MOMENTS}
-    closing = "/>" if data[: place[1]].endswith(b"/>") else ">"
-    words = " ".join(f'{key}="{value!r}"' for key, value in rows.items())
-    return f"<inertia {words}{closing}".encode()
+def _tag(tensor: Array, closing: str = "/>") -> str:
+    """A tag `<inertia>`."""
+    words = (f'{key}="{value!r}"' for key, value in zip(MOMENTS, tensor[_UPPER].tolist(), strict=True))
+    return f"<inertia {' '.join(words)}{closing}"
 
 
 def _places(data: bytes) -> Mapping[tuple[str, str], tuple[int, int]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -59,7 +59,7 @@ class UrdfRepair:
     lock: Mapping[str, float]
     arm: tuple[str, str] | None
     tip: str = ""
-    without_effort: Mapping[str, float]
+    without_effort: Mapping[str, float] = field(default_factory=dict)
     without_velocity: tuple[str, ...] = ()
     refusal: str = ""
 
@@ -104,7 +104,7 @@ def repair_urdf(
     lock = {name: rest_of(model, i) for name, i in joint_numbers(model).items() if name in gripper}
     several = chains(model, {*lock, *mimics})
     chain = (several[0][0], several[0][-1]) if len(several) > 1 else None
-    found: dict[str, Any] = {"without_effort": {}}
+    found: dict[str, Any] = {}
     try:
         text = with_inertias(text, {link: tensor for link, tensor in chosen.items() if tensor is not None})
         reading = read_arm(text, source, lock, chain)
@@ -117,16 +117,8 @@ def repair_urdf(
     except ArmdynError as error:
         found["refusal"] = str(error)
     unwritten = tuple(link for link, tensor in chosen.items() if tensor is None)
-    return UrdfRepair(
-        source=source,
-        text=text,
-        inertias=inertias,
-        unwritten=unwritten,
-        packages=packages,
-        lock=lock,
-        arm=chain,
-        **found,
-    )
+    found |= {"source": source, "text": text, "inertias": inertias, "unwritten": unwritten, "packages": packages}
+    return UrdfRepair(**found, lock=lock, arm=chain)
 
 
 def _bare(root: Element, model: pin.Model) -> set[str]:
@@ -139,16 +131,11 @@ def _bare(root: Element, model: pin.Model) -> set[str]:
 def _unlimited(reading: Reading) -> dict[str, Any]:
     """The tip, and the joints without limits, as fields of a `UrdfRepair`."""
     model, limits = reading.model, reading.limits
-    names, most = list(model.names)[1:], hardest_poses(model, limits.position_lower, limits.position_upper)
-    return {
-        "tip": reading.tip,
-        "without_effort": {
-            name: abs(torque)
-            for name, limit, (_, torque) in zip(names, limits.effort_upper, most, strict=True)
-            if np.isinf(limit)
-        },
-        "without_velocity": tuple(name for name, most in zip(names, limits.velocity, strict=True) if np.isinf(most)),
-    }
+    torques = [abs(torque) for _, torque in hardest_poses(model, limits.position_lower, limits.position_upper)]
+    joints = list(zip(list(model.names)[1:], torques, limits.effort_upper, limits.velocity, strict=True))
+    held = {name: torque for name, torque, most, _ in joints if np.isinf(most)}
+    fast = tuple(name for name, *_, most in joints if np.isinf(most))
+    return {"tip": reading.tip, "without_effort": held, "without_velocity": fast}
 
 
 def _packages(root: Element, urdf: Path, given: Sequence[str | os.PathLike[str]]) -> dict[str, str | None]:

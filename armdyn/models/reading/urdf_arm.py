@@ -132,11 +132,10 @@ def check_inertia(model: pin.Model, source: str) -> None:
 
 def massless_links(model: pin.Model) -> tuple[str, ...]:
     """Names of the links without mass that joints move, those fixed to them included; one per joint."""
-    found = []
-    for i in range(1, model.njoints):
-        on_it = (
-            str(frame.name) for frame in model.frames if frame.parentJoint == i and frame.type == pin.FrameType.BODY
-        )
-        if model.inertias[i].mass == 0:
-            found.append(next(on_it, str(model.names[i])))
-    return tuple(found)
+    return tuple(link_of(model, i) for i in range(1, model.njoints) if model.inertias[i].mass == 0)
+
+
+def link_of(model: pin.Model, joint: int) -> str:
+    """The link that a joint moves, the first of those fixed to each other; of none the joint's name."""
+    links = (one.name for one in model.frames if one.parentJoint == joint and one.type == pin.FrameType.BODY)
+    return str(next(links, model.names[joint]))

@@ -104,11 +104,9 @@ def check_inertias(root: ElementTree.Element, source: str, moving: Set[str]) -> 
         tensor = inertia_tensor(inertial, source, where)
         if fault := inertia_fault(tensor):
             mass, most = _numbers(inertial, "mass", source, where)["value"][0], np.linalg.eigvalsh(tensor)[-1]
-            wide = (
-                f"; its radius of gyration is {np.sqrt(most / mass):.3g} m with {mass:g} kg" if mass * most > 0 else ""
-            )
-            what = f"{fault}{wide}; `armdyn doctor FILE --repair` shows the nearest physical one"
-            raise UrdfError(source, what, where)
+            if mass * most > 0:
+                fault += f"; its radius of gyration is {np.sqrt(most / mass):.3g} m with {mass:g} kg"
+            raise UrdfError(source, f"{fault}; `armdyn doctor FILE --repair` shows the nearest physical one", where)
 
 
 def inertia_tensor(inertial: ElementTree.Element, source: str, where: str) -> Array:
@@ -210,9 +208,8 @@ def _check_joint(joint: ElementTree.Element, source: str, where: str, links: dic
         return
     axis = found["axis"].get("xyz", [1.0])
     if not 1e-6 < np.linalg.norm(axis) < 1e6:  # readers divide by it
-        raise UrdfError(
-            source, f"axis is {np.array(axis)}; its length should be 1" if np.any(axis) else "axis is zero", where
-        )
+        what = f"axis is {np.array(axis)}; its length should be 1" if np.any(axis) else "axis is zero"
+        raise UrdfError(source, what, where)
     if joint.find("limit") is None and kind != "continuous":
         raise UrdfError(source, f"a {kind} joint needs <limit lower upper effort velocity>; it has none", where)
     lower, upper = (found["limit"].get(key, [0.0])[0] for key in ("lower", "upper"))

@@ -1,10 +1,9 @@
 """Numbers of an arm that are hardly meant: no masses, inertias beyond the links, placeholders, limits below gravity."""
 
 import numpy as np
-import pinocchio as pin
 
 from armdyn.models.reading.holding import hardest_poses
-from armdyn.models.reading.urdf_arm import massless_links
+from armdyn.models.reading.urdf_arm import link_of, massless_links
 from armdyn.models.robots.arm import Arm
 from armdyn.reprs import joint_unit
 
@@ -40,16 +39,14 @@ def _large(robot: Arm) -> list[str]:
     for i, inertia in enumerate(model.inertias):
         if i == 0 or inertia.mass == 0:
             continue
-        own = [frame for frame in model.frames if frame.parentJoint == i]
         ends = [ways[k] for k in range(model.njoints) if model.parents[k] == i]
-        ends += [np.linalg.norm(frame.placement.translation) for frame in own]
+        ends += [np.linalg.norm(one.placement.translation) for one in model.frames if one.parentJoint == i]
         size, most = max(least, np.linalg.norm(inertia.lever), *ends), np.linalg.eigvalsh(inertia.inertia)[-1]
         radius = np.sqrt(most / inertia.mass)
         if radius > _BEYOND * size > 0:
-            name = next((frame.name for frame in own if frame.type == pin.FrameType.BODY), model.names[i])
             found.append(
-                f"{name}: {inertia.mass:.4g} kg with {most:.4g} kg m² have a radius of gyration of {radius:.3g} m, and "
-                f"the link a size of some {size:.2g} m: a lost decimal point, kg mm² or g mm²?"
+                f"{link_of(model, i)}: {inertia.mass:.4g} kg with {most:.4g} kg m² have a radius of gyration of "
+                f"{radius:.3g} m, and the link a size of some {size:.2g} m: a lost decimal point, kg mm² or g mm²?"
             )
     return found
 
@@ -75,10 +72,8 @@ def _weak(robot: Arm) -> list[str]:
     """Joints whose torque limit does not hold the arm everywhere, with a pose."""
     limits, (_, coulomb), found = robot.limits, robot.friction.per_joint(robot.nv), []
     for j, (pose, torque) in enumerate(hardest_poses(robot.model, limits.position_lower, limits.position_upper)):
-        limit, unit = (
-            limits.effort_upper[j] if torque > 0 else -limits.effort_lower[j],
-            "N" if robot.slides[j] else "N m",
-        )
+        limit = limits.effort_upper[j] if torque > 0 else -limits.effort_lower[j]
+        unit = "N" if robot.slides[j] else "N m"
         if limits.passive[j] or abs(torque) <= limit + coulomb[j]:
             continue
         at = [
@@ -87,15 +82,12 @@ def _weak(robot: Arm) -> list[str]:
             if abs(q) > 1e-3
         ]
         found.append(
-            f"{robot.joint_names[j]}: {abs(torque):.3g} {unit} to be held at {_listed(at) or 'zero'}, its limit is "
-            f"{limit:.4g} {unit}"
+            f"{robot.joint_names[j]}: {abs(torque):.3g} {unit} to be held at "
+            f"{', '.join(_first(at, '…')) or 'zero'}, its limit is {limit:.4g} {unit}"
         )
-    return [
-        *found[:_MOST],
-        *([f"and {len(found) - _MOST} more joints whose limits do not hold the arm"] * (len(found) > _MOST)),
-    ]
+    return _first(found, f"and {len(found) - _MOST} more joints whose limits do not hold the arm")
 
 
-def _listed(words: list[str]) -> str:
-    """The first of some words."""
-    return ", ".join([*words[:_MOST], *(["…"] * (len(words) > _MOST))])
+def _first(words: list[str], more: str) -> list[str]:
+    """The first of some words; where there are more, a word for these."""
+    return words if len(words) <= _MOST else [*words[:_MOST], more]
