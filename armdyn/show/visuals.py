@@ -236,10 +236,12 @@ def _bones(robot: Robot, drawn: set[int]) -> Iterator[VisualShape]:
     tip = robot.frame(robot.tip)
     ends = [(int(model.parents[j]), model.jointPlacements[j].translation) for j in range(1, model.njoints)]
     ends.append((int(tip.parentJoint), tip.placement.translation))
-    reach = sum(float(np.linalg.norm(end)) for _, end in ends)
+    mount = robot.options.mount
+    base = np.zeros(3) if mount is None else np.array(mount)[:3, 3]
+    reach = sum(float(np.linalg.norm(end if joint else end - base)) for joint, end in ends)
     radius = 0.015 * reach
     for joint in set(range(1, model.njoints)) - drawn:
         yield VisualShape(joint, np.eye(4), mg.Sphere(1.4 * radius), _BONE)
     for joint, end in ends:
         if joint not in drawn:
-            yield from _rod(joint, np.zeros(3), end, radius, _BONE)
+            yield from _rod(joint, np.zeros(3) if joint else base, end, radius, _BONE)

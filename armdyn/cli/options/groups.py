@@ -26,7 +26,7 @@ Numbers: TypeAlias = Annotated[list[float] | None, numbers]
 Part: TypeAlias = Annotated[float | None, part]
 """An option of a part of a whole, as a number or in percent."""
 
-_ANGLES = ("q_start", "q_goal", "via", "lock", "mount")
+_ANGLES = ("q_start", "q_goal", "via", "lock")
 """Options of joint positions, to which --degrees applies."""
 
 

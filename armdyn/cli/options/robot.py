@@ -98,8 +98,8 @@ class PartOptions:
     )
     mount: Annotated[tuple[tuple[float, ...], ...] | None, mount_of] = option(
         "X,Y,Z[,ROLL,PITCH,YAW]",
-        "Place of the base in the world \\[m; rad, 90deg works]: 0,0,2.5,180deg,0,0 hangs from a ceiling. Gravity, "
-        "obstacles and goal poses stay in the world.",
+        "Place of the base in the world \\[m; rad, or degrees with --degrees; 90deg works]: 0,0,2.5,180deg,0,0 hangs "
+        "from a ceiling. Gravity, obstacles and goal poses stay in the world.",
     )
     tool: str | None = option(
         "FILE.toml",

@@ -8,6 +8,7 @@ import armdyn as ad
 from armdyn.errors import ProblemError, SpecError
 from armdyn.models.scene.bodies import bodies
 from armdyn.models.values.placement import pose_of
+from armdyn.show.visuals import robot_shapes
 from oracles import robot_named
 
 CEILING = pose_of([0.1, 0.2, 2.5], None, [np.pi, 0, 0], "mount")
@@ -84,3 +85,12 @@ def test_a_motion_of_a_hanging_arm_is_clear_of_an_obstacle_in_the_world():
         assert np.linalg.norm(at - middle) > 0.08
     with pytest.raises(ProblemError):
         ad.MinimumTimeProblem(arm, q_start=q_start, q_goal=np.mean([q_start, q_goal], axis=0), obstacles=[ball])
+
+
+def test_rods_of_an_arm_without_geometry_begin_at_its_base():
+    model = robot_named("ur5").model
+    plain, hung = (robot_shapes(ad.Robot.from_model(model, mount=mount)) for mount in (None, CEILING))
+    assert len(plain) == len(hung)
+    for one, other in zip(plain, hung, strict=True):
+        place = CEILING if one.joint == 0 else np.eye(4)
+        np.testing.assert_allclose(other.placement[:3, 3], (place @ one.placement)[:3, 3], atol=1e-9)  # rounding
