@@ -38,16 +38,9 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 def nearest_names(name: str, known: Iterable[str]) -> str:
     """Names that would have been right, the most similar ones first, for the end of a message; at most `_MANY`."""
-    from difflib import SequenceMatcher
+    from difflib import get_close_matches
 
-    match = SequenceMatcher(b=name[:_LONGEST])
-
-    def unlike(one: str) -> tuple[float, str]:
-        match.set_seq1(one[:_LONGEST])
-        return -match.ratio(), one
-
-    names = sorted(known, key=unlike)
-    return ", ".join([*(one[:_LONGEST] for one in names[:_MANY]), *["…"][: len(names) > _MANY]])
+    return ", ".join(get_close_matches(name[:_LONGEST], (one[:_LONGEST] for one in sorted(known)), n=_MANY, cutoff=0.0))
 
 
 class ArmdynError(Exception):
