@@ -275,17 +275,12 @@ def _rotation(values: Values, way: str, compiler: Compiler) -> pin.Quaternion:
         return pin.Quaternion(pin.AngleAxis(compiler.radians * numbers[3], axis))
     if way == "zaxis":
         z = _direction(numbers, values, way)
-        return _from_z(z)
+        if z[2] < -1 + _SHORTEST**2:  # of the opposite, half a turn about x
+            return pin.Quaternion(0.0, 1.0, 0.0, 0.0)
+        return pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), z)
     x = _direction(numbers[:3], values, way)
     y = _direction(numbers[3:] - x * (x @ numbers[3:]), values, way)
     return pin.Quaternion(np.column_stack([x, y, np.cross(x, y)]))
-
-
-def _from_z(z: np.ndarray) -> pin.Quaternion:
-    """The least turn that brings the z axis to a unit vector; half a turn about x where it is the opposite."""
-    if z[2] < -1 + _SHORTEST**2:
-        return pin.Quaternion(0.0, 1.0, 0.0, 0.0)
-    return pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), z)
 
 
 def _direction(vector: np.ndarray, values: Values, way: str) -> np.ndarray:

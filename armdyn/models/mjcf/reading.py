@@ -201,12 +201,10 @@ def _refuse_loops(model: pin.Model, root: Element, source: str) -> None:
     """Refuse an `<equality>` that ties one moving body to another, or to the world."""
     carriers = {str(frame.name): int(frame.parentJoint) for frame in model.frames}
     for tie in (*root.findall("equality/connect"), *root.findall("equality/weld")):
-        ends = [tie.get(f"{kind}{i}") for kind in ("body", "site") for i in (1, 2)]
-        tied = {carriers.get(end, 0) for end in ends if end}
-        if len([end for end in ends if end]) == 1:
-            tied.add(0)
+        ends = [end for kind in ("body", "site") for i in (1, 2) if (end := tie.get(f"{kind}{i}"))]
+        tied = {carriers.get(end, 0) for end in ends} | ({0} if len(ends) == 1 else set())
         if tie.get("active") != "false" and len(tied) > 1:
-            names = ", ".join(clipped(end) for end in ends if end)
+            names = ", ".join(map(clipped, ends))
             raise UrdfError(source, f"<equality> ties {names} together; armdyn supports no closed loops: lock joints")
 
 
@@ -244,11 +242,8 @@ def effort_limits(root: Element, classes: Classes, joints: Mapping[str, Values],
         ends = [gear * end if gear else 0.0 for end in _force(element.tag, values, automatic)]
         lower, upper = sums.get(joint, (0.0, 0.0))
         sums[joint] = lower + min(ends), upper + max(ends)
-    limits = {}
-    for name, values in joints.items():
-        own = values.bounds("actuatorfrcrange", "actuatorfrclimited", automatic)
-        limits[name] = _both(sums.get(name, _UNLIMITED), own or _UNLIMITED)
-    return limits
+    own = {name: one.bounds("actuatorfrcrange", "actuatorfrclimited", automatic) for name, one in joints.items()}
+    return {name: _both(sums.get(name, _UNLIMITED), ends or _UNLIMITED) for name, ends in own.items()}
 
 
 def _force(kind: str, values: Values, automatic: bool) -> Range:

@@ -235,13 +235,12 @@ def _interfaces_of(table: Table, limits: ControllerLimits, any_arm: bool) -> tup
             raise own.error("rate", f"{own.called('rate')} is missing: commands per second [Hz]")
         with own.at("rate"):
             rate = number(own.values["rate"], own.called("rate"), unit="Hz", sign="positive", most=MOST_RATE)
-        conditions, splines = {}, own.values.get("splines", False)
+        splines, conditions = own.values.get("splines", False), {kind: _texts_of(own, kind) for kind in KINDS}
         if not isinstance(splines, bool):
             raise own.error("splines", f"{own.called('splines')} is {shown(splines)}; it must be true or false")
-        for kind in KINDS:
-            conditions[kind] = _texts_of(own, kind)
-            for condition in conditions[kind]:
-                with own.at(kind):
+        for kind, names in conditions.items():
+            with own.at(kind):
+                for condition in names:
                     limits.expect(condition, any_arm)
         found.append(Interface(name, rate, **conditions, splines=splines))
     return tuple(found)

@@ -65,8 +65,9 @@ class Mesh(Obstacle):
         super().__post_init__()
         count = sum(map(len, self.parts))  # type: ignore[arg-type]  # tuples of corners now
         if not 0 < count <= MAX_CORNERS:
-            whose = self._of_whom()
-            raise ProblemError(f"the convex parts{whose} have {count} corners; they may have 4 to {MAX_CORNERS}")
+            raise ProblemError(
+                f"the convex parts{self._of_whom()} have {count} corners; they may have 4 to {MAX_CORNERS}"
+            )
 
     @classmethod
     def from_triangles(
@@ -143,8 +144,7 @@ def _cut(meshes: Sequence[Any], what: str) -> list[Array]:
         raise ProblemError(f"{what} has {count} triangles; it may have {MAX_TRIANGLES}: simplify the mesh")
     parts: list[Array] = []
     for mesh in meshes:
-        if np.max(np.abs(mesh.vertices)) > _MAX_COORDINATE:
-            largest = float(np.max(np.abs(mesh.vertices)))
+        if (largest := float(np.max(np.abs(mesh.vertices)))) > _MAX_COORDINATE:
             raise ProblemError(f"{what} reaches {largest:.4g} m; a mesh in millimetres is read with scale 0.001")
         if not mesh.is_watertight:
             edges = np.sum(np.unique(mesh.edges_sorted, axis=0, return_counts=True)[1] == 1)

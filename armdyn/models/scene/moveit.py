@@ -131,11 +131,9 @@ def _primitive(shape: Mapping[str, Any], pose: Array, name: str) -> Obstacle:
 
 def _mesh(shape: Mapping[str, Any], pose: Array, name: str) -> Obstacle:
     vertices = [_numbers(one, "a vertex") for one in _list(shape.get("vertices"), "vertices")]
-    given = [
-        one.get("vertex_indices") if isinstance(one, Mapping) else one
-        for one in _list(shape.get("triangles"), "triangles")
-    ]
-    triangles = [_numbers(one, "a triangle's vertex_indices") for one in given]
+    given = _list(shape.get("triangles"), "triangles")
+    indices = (one.get("vertex_indices") if isinstance(one, Mapping) else one for one in given)
+    triangles = [_numbers(one, "a triangle's vertex_indices") for one in indices]
     return Mesh.from_triangles(_rows(vertices), _rows(triangles), pose, name=name)
 
 
