@@ -248,11 +248,9 @@ class ControllerCheck:
     @property
     def worst(self) -> tuple[ConditionCheck, ...]:
         """Row of each condition's most critical joint: nearest to its limit, or exceeding it most."""
-        rows: dict[str, ConditionCheck] = {}
-        for row in self.rows:
-            if row.condition not in rows or row.share > rows[row.condition].share:
-                rows[row.condition] = row
-        return tuple(rows.values())
+        conditions = dict.fromkeys(row.condition for row in self.rows)
+        of = {name: [row for row in self.rows if row.condition == name] for name in conditions}
+        return tuple(max(rows, key=lambda row: row.share) for rows in of.values())
 
     def facts(self) -> dict[str, object]:
         """The check for JSON."""

@@ -116,14 +116,12 @@ def _cloud_boxes(cloud: PointCloud) -> tuple[Index, Index]:
 
 def _boxes_of(cells: Index) -> tuple[Index, Index]:
     """Boxes that contain cells, shape (n, 3), and besides them only neighbours of theirs: `few_boxes`."""
+    from scipy.ndimage import binary_dilation  # slow to import
+
     lowest = cells.min(axis=0) - 1
     solid = np.zeros(cells.max(axis=0) + 2 - lowest, dtype=bool)
     solid[tuple((cells - lowest).T)] = True
-    allowed = solid.copy()
-    for axis in range(3):
-        for step in (-1, 1):
-            allowed |= np.roll(solid, step, axis)
-    low, high = few_boxes(solid, allowed)
+    low, high = few_boxes(solid, binary_dilation(solid))
     return low + lowest, high + lowest
 
 
