@@ -86,11 +86,10 @@ class MotionCheck:
 
     def facts(self) -> dict[str, object]:
         """The check as JSON values; null for a replay that diverges, none of a replay without known torques."""
-        worst, open_ = (None if one is None else str(one) for one in (self.worst_violation, self.unresolved))
+        violations = {"worst_violation": self.worst_violation, "unresolved": self.unresolved}
         replayed = () if np.isnan(self.replay_error) else ("replay_error", "growth")
         return attributes(self, "feasible", *replayed, "velocity_share") | {
-            "worst_violation": worst,
-            "unresolved": open_,
+            name: None if one is None else str(one) for name, one in violations.items()
         }
 
 
@@ -287,8 +286,8 @@ def trajectory_from_path(
     if np.min(np.diff(bare.t)) <= _JUMP * bare.duration:
         raise TrajectoryError("two samples are a jump: positions there have no derivative; give the torques instead")
     speeds = CubicSpline(bare.t, bare.q)(bare.t, 1) if v is None else bare.v
-    means = Planned(bare.t, bare.q, None if v is None else bare.v, None, None).accelerations
-    given = means() if a is None else _accelerations(a, bare)
+    planned = Planned(bare.t, bare.q, None if v is None else bare.v)
+    given = planned.accelerations() if a is None else _accelerations(a, bare)
     tau = inverse_dynamics(robot)(bare.q, speeds, given) if robot.has_dynamics else rest
     derived = tuple(what for what, own in (("v", v), ("tau", a)) if own is None)
     return Trajectory(
@@ -316,7 +315,6 @@ def _idle_times(limits: JointLimits, motion: Trajectory) -> tuple[Array, tuple[t
     fast = np.abs(at.v) >= BUSY * limits.velocity
     stopped = (at.q <= limits.position_lower + AT_STOP) | (at.q >= limits.position_upper - AT_STOP)
     idle = ~(pushing | fast | stopped)
-    lengths = np.diff(edges)
     runs = [runs_of(np.flatnonzero(mask)) for mask in idle.T]
     intervals = tuple(tuple((float(edges[run[0]]), float(edges[run[-1] + 1])) for run in each) for each in runs)
-    return lengths @ idle / motion.duration, intervals
+    return np.diff(edges) @ idle / motion.duration, intervals

@@ -42,6 +42,7 @@ def assembled(
     if not decides and best.phases:
         decides = deciding(task.problem, best.phases, task.policy.arcs.least_share)
     deciders = {one.joint for one in decides}
+    raised = {"search": task.options.search == "thorough", "starts": task.options.starts is not None}
     idle = tuple(name for name in best.certificate.idle if name not in deciders)
     certificate, duration = replace(best.certificate, idle=idle), best.trajectory.duration
     status = _status(task, best, found)
@@ -71,14 +72,7 @@ def assembled(
         calm=best.calm,
         search_remark=remark,
         decides=decides,
-        followed=tuple(
-            name
-            for name, raised in (
-                ("search", task.options.search == "thorough"),
-                ("starts", task.options.starts is not None),
-            )
-            if raised
-        ),
+        followed=tuple(name for name, chosen in raised.items() if chosen),
     )
 
 
