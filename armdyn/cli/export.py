@@ -16,7 +16,6 @@ from armdyn.cli.options.groups import Numbers, argument, flag, given, group, opt
 from armdyn.cli.options.path_constraints import PresetOptions
 from armdyn.cli.options.results import ALIKE, probed_file
 from armdyn.cli.options.robot import PartOptions
-from armdyn.cli.sampling import check_rows, sampled, subject_of_file, usual_rate
 from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.files import write_whole
 from armdyn.trajectory.formats import FORMATS, Mujoco, OutputFormat, Ros2
@@ -220,6 +219,8 @@ def export(
     armdyn export results/trajectory.npz --format urscript --payload 2.5 --payload-com 0,0,0.08
     armdyn export results/trajectory.npz --format panda-python --preset franka-panda[/]
     """
+    from armdyn.cli.sampling import check_rows, sampled, subject_of_file, usual_rate
+
     kind = rows.kind
     output_format = fields.fill(kind)
     mujoco.expect_format(kind)

@@ -13,7 +13,9 @@ def test_the_report_is_one_file_with_the_verdict(tmp_path):
     path = tmp_path / "report.html"
     assert solution().report(path) == path
     page = path.read_text()
-    assert "r: minimum time" in page and "Certified" in page and f"{solution().duration:.4f} s" in page
+    assert (
+        "r: minimum time" in page and "locally optimal (Pontryagin)" in page and f"{solution().duration:.4f} s" in page
+    )
     assert not re.findall(r"(?:https?|wss?)://", page.partition("<body>")[2].partition("<script>")[0])
     for wrong, error in ((None, ProblemError), (tmp_path / "nowhere" / "r.html", FileError)):
         with pytest.raises(error):

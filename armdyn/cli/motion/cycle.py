@@ -17,7 +17,6 @@ from armdyn.cli.motion.mintime import CurveOptions
 from armdyn.cli.motion.require import largest_gap, missing_words
 from armdyn.cli.options.groups import OUTPUT, SOLVER, TASK, argument, flag, group, option
 from armdyn.cli.options.results import ResultOptions, Written
-from armdyn.cli.sampling import sampled, usual_rate
 from armdyn.errors import ArmdynWarning, FileError, ProblemError
 from armdyn.files import csv_text, write_whole
 from armdyn.trajectory.formats import FORMATS, OutputFormat
@@ -181,6 +180,8 @@ def _write(
         from armdyn.show.results import save_results
 
         return Written(files=save_results(folder, robot, {"title": title, **summary, **invocation()}, []), seconds=0.0)
+    from armdyn.cli.sampling import sampled
+
     motion, obstacles, formats = replace(solution.trajectory, name=name), _obstacles(solution), options.kinds()
     motions = {"trajectory": motion}
     written = options.results.write(folder, robot, motions, summary, title, obstacles, progress=progress)
@@ -207,6 +208,7 @@ def rate_of(kind: type[OutputFormat], duration: float, folder: Path) -> float:
     Raises:
         ProblemError: there are too many at the controller's rate.
     """
+    from armdyn.cli.sampling import usual_rate
     from armdyn.trajectory.samples import MOST_SAMPLES
 
     rate = usual_rate(kind)
