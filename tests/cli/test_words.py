@@ -85,7 +85,7 @@ def test_a_small_gap_certifies_and_a_larger_one_has_a_remedy():
 
 
 def test_idle_joints_are_named():
-    assert "joint2: decides no part of the time" in solution_words(bounded(0.0, idle=("joint2",)))["idle"]
+    assert "no part of the time is decided by joint2" in solution_words(bounded(0.0, idle=("joint2",)))["idle"]
 
 
 def test_an_unusable_motion_has_its_remedies_first():

@@ -52,7 +52,7 @@ def solution_words(solution: Solution) -> dict[str, str]:
     words = {True: "yes: ", False: "no: ", None: ""}
     facts |= {name: f"{words[holds]}{said}" for name, holds, said in checks(solution)}
     if solution.certificate.idle and solution.moves:
-        facts["idle"] = ", ".join(solution.certificate.idle) + ": decides no part of the time"
+        facts["idle"] = "no part of the time is decided by " + ", ".join(solution.certificate.idle)
     if solution.what_to_do:
         facts["what you can do"] = "\n".join(solution.what_to_do)
     facts |= _path_words(solution)

@@ -89,7 +89,7 @@ def deciding_section(facts: Facts, duration: float) -> Section | None:
     if len(shares) > 8:
         parts.append(element("p", f"and {len(shares) - 8} more, each below {100 * shares[7][2]:.2g} %", class_="note"))
     if idle := facts.texts("idle"):
-        words = f"{', '.join(idle)}: decides no part of the time."
+        words = f"No part of the time is decided by {', '.join(idle)}."
         parts.append(element("p", words, class_="note"))
     if calm := facts.number("calm"):
         given = f"{short_time(calm, 2)} are given for calm joints: without calm, the motion is faster by this time."
