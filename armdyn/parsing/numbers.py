@@ -49,8 +49,11 @@ def numbers(text: str, what: str) -> list[float]:
     return [number(part, what) for part in text.split(",")]
 
 
-def one_or_more(text: str, what: str) -> float | list[float]:
-    """One number for all joints, or one for each."""
+def one_or_more(text: str, what: str) -> float | list[float] | dict[str, float]:
+    """One number for all joints, one for each, or numbers by name: 12; 1,2,3; elbow=12,wrist=3."""
+    if "=" in text:
+        pairs = [part.partition("=") for part in text.split(",")]
+        return {name.strip(): number(value, f"{what} {name.strip()}") for name, _, value in pairs}
     values = numbers(text, what)
     return values[0] if len(values) == 1 else values
 

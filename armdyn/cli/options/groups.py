@@ -19,8 +19,8 @@ from armdyn.parsing.numbers import numbers, one_or_more, part
 TASK, ROBOT, LIMITS, SCENE, SOLVER, OUTPUT = "Task", "Robot", "Limits", "Scene", "Solver", "Output"
 """Panels of help that commands share, in their order."""
 
-PerJoint: TypeAlias = Annotated[float | list[float] | None, one_or_more]
-"""An option of one number for all joints, or one for each."""
+PerJoint: TypeAlias = Annotated[float | list[float] | dict[str, float] | None, one_or_more]
+"""An option of one number for all joints, one for each, or JOINT=NUMBER; may be given again."""
 Numbers: TypeAlias = Annotated[list[float] | None, numbers]
 """An option of numbers."""
 Part: TypeAlias = Annotated[float | None, part]
@@ -150,12 +150,20 @@ def _expanded(name: str, hint: Any, one: Any, panel: str | None) -> Iterator[Par
         declared.param_decls = declared.param_decls or (flag_of(name),)
     default = Parameter.empty if one.default is MISSING else one.default
     typed = hint if _reader(hint) is None else str | None
+    if "dict[str, float]" in str(hint):
+        typed, declared.callback = list[str] | None, _joined
+        default = default if default is None else [default]
     yield Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[typed, declared])
 
 
 def _reader(hint: Any) -> Callable[[str, str], Any] | None:
     """Function that makes an option's value of the typed text; None: the value is taken as typed."""
     return hint.__metadata__[0] if get_origin(hint) is Annotated else None
+
+
+def _joined(given: list[str] | None) -> str | None:
+    """One text of an option that was given again."""
+    return ",".join(given) if given else None
 
 
 def _flowing(help_text: str) -> str:

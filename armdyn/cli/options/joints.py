@@ -20,7 +20,7 @@ def _friction(text: str, what: str) -> FrictionValue:
     return "urdf" if text.strip() == "urdf" else one_or_more(text, what)
 
 
-_Friction: TypeAlias = Annotated[float | list[float] | Literal["urdf"] | None, _friction]
+_Friction: TypeAlias = Annotated[float | list[float] | dict[str, float] | Literal["urdf"] | None, _friction]
 
 
 @group(ROBOT)
@@ -28,7 +28,10 @@ class JointOptions:
     """Torque limits, friction and rotor inertia; None leaves the robot's own."""
 
     effort_limit: PerJoint = option(
-        "T[,T…]", "Torque limits instead of the URDF's \\[N m or N]; 0: a joint has no motor.", rich_help_panel=LIMITS
+        "T[,T…]",
+        "Torque limits instead of the URDF's \\[N m or N]; 0: a joint has no motor. One number, one per joint, or "
+        "JOINT=T of some, such as elbow=12,wrist=3; may be given again. So are all options of numbers per joint.",
+        rich_help_panel=LIMITS,
     )
     damping: _Friction = option(
         "D[,D…]|urdf",

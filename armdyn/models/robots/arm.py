@@ -24,7 +24,7 @@ from armdyn.models.robots.source import RobotOptions, RobotSource
 from armdyn.models.values.actuator_limits import ConstantTorque, TorqueSpeed
 from armdyn.models.values.friction import FrictionValue, JointFriction
 from armdyn.models.values.joint_limits import JointLimits
-from armdyn.models.values.per_joint import expect_joint, per_joint
+from armdyn.models.values.per_joint import JointNumbers, expect_joint, filled, per_joint
 from armdyn.models.values.spec import Payload, Tool
 from armdyn.models.values.urdf import TIP, positive_tensor
 from armdyn.rendering import renderer
@@ -177,8 +177,8 @@ class Arm(Checked):
         """SHA-256 of its equations of motion, payload and friction included; see the function `model_hash`."""
         return model_hash(self.model, self.friction)
 
-    def with_limits(self, effort_limit: ArrayLike | None, velocity_limit: ArrayLike | None) -> Self:
-        """This robot with other limits: one number, or one per joint; None keeps its own.
+    def with_limits(self, effort_limit: JointNumbers | None, velocity_limit: JointNumbers | None) -> Self:
+        """This robot with other limits: one number, one per joint, or some by joint name; None keeps its own.
 
         A torque limit of zero is that of a joint without a motor. One number is for all joints that have one.
 
@@ -187,12 +187,9 @@ class Arm(Checked):
         """
         limits = self.limits
         if effort_limit is not None:
-            effort = self._read(effort_limit, "effort_limit", "N m or N", finite=False)
-            if np.ndim(effort_limit) == 0:
-                effort = np.where(limits.passive, 0.0, effort)
-            limits = replace(limits, effort_lower=-effort, effort_upper=effort)
+            limits = limits.with_effort(effort_limit, self.joint_names, SpecError, "not negative")
         if velocity_limit is not None:
-            velocity = self._read(velocity_limit, "velocity_limit", "rad/s or m/s", finite=False)
+            velocity = self._read(velocity_limit, "velocity_limit", "rad/s or m/s", limits.velocity, finite=False)
             limits = replace(limits, velocity=velocity)
         return replace(self, limits=limits)
 
@@ -225,7 +222,7 @@ class Arm(Checked):
         self,
         damping: FrictionValue | None = None,
         friction: FrictionValue | None = None,
-        width: ArrayLike | None = None,
+        width: JointNumbers | None = None,
     ) -> Self:
         """This robot with other friction in its joints; None keeps its own.
 
@@ -244,7 +241,9 @@ class Arm(Checked):
                 return own
             if isinstance(value, str) and value != "urdf":
                 raise SpecError(f'{what} is {value!r}; it is numbers or "urdf"')
-            return self._read(urdf, f"{what} of {self.source}") if isinstance(value, str) else self._read(value, what)
+            if isinstance(value, str):
+                return self._read(urdf, f"{what} of {self.source}")
+            return self._read(value, what, own=own)
 
         own = self.friction
         return replace(
@@ -252,12 +251,15 @@ class Arm(Checked):
             friction=JointFriction(
                 damping=chosen(damping, own.damping, self.model.damping, "damping"),
                 coulomb=chosen(friction, own.coulomb, self.model.upperDryFrictionLimit, "friction"),
-                width=own.width if width is None else self._read(width, "friction_width", "rad/s"),
+                width=own.width if width is None else self._read(width, "friction_width", "rad/s", own.width),
             ),
         )
 
     def with_armature(
-        self, armature: ArrayLike | None, rotor_inertia: ArrayLike | None = None, gear_ratio: ArrayLike | None = None
+        self,
+        armature: JointNumbers | None,
+        rotor_inertia: JointNumbers | None = None,
+        gear_ratio: JointNumbers | None = None,
     ) -> Self:
         """This robot with other rotors, each as one number or one per joint; without any it keeps its own.
 
@@ -277,10 +279,13 @@ class Arm(Checked):
         if rotor_inertia is not None and gear_ratio is not None:
             inertia = self._read(rotor_inertia, "rotor_inertia", "kg m²")
             armature = self._read(gear_ratio, "gear_ratio") ** 2 * inertia
+            armature = (
+                np.where(armature == 0, self.model.armature, armature) if isinstance(gear_ratio, Mapping) else armature
+            )
         if armature is None:
             return self
         model = self.model.copy()
-        model.armature = self._read(armature, "armature", "kg m² or kg")
+        model.armature = self._read(armature, "armature", "kg m² or kg", model.armature)
         if np.max(model.armature) > LARGEST:
             raise SpecError(f"armature is {shown(armature)} kg m² or kg; it must be {LARGEST:g} at most")
         return replace(self, model=model)
@@ -337,9 +342,12 @@ class Arm(Checked):
             model.inertias[model.getJointId(joint)] = pin.Inertia.FromDynamicParameters(own)
         return replace(self, model=model)
 
-    def _read(self, value: ArrayLike, what: str, unit: str = "", *, finite: bool = True) -> Array:
-        """One number, or one per joint, that is not negative, as an array of shape (nv,)."""
-        return per_joint(value, self.joint_names, what, unit=unit, finite=finite, sign="not negative")
+    def _read(
+        self, value: JointNumbers, what: str, unit: str = "", own: ArrayLike = 0.0, *, finite: bool = True
+    ) -> Array:
+        """Numbers that are not negative, as an array of shape (nv,); own: those of joints that are not named."""
+        given = filled(value, self.joint_names, what, own)
+        return per_joint(given, self.joint_names, what, unit=unit, finite=finite, sign="not negative")
 
     def frame(self, name: str) -> pin.Frame:
         """A frame of the model by name; the link where a joint has the same name.

@@ -18,6 +18,7 @@ from armdyn.models.mjcf.reading import is_mjcf
 from armdyn.models.robots.library import described, is_description, library_names
 from armdyn.models.values.friction import FrictionValue
 from armdyn.models.values.joint_limits import JointLimits
+from armdyn.models.values.per_joint import JointNumbers
 from armdyn.models.values.placement import Placement
 from armdyn.models.values.spec import PLANAR_ARMS, ArmSpec, Payload, Tool, placed
 from armdyn.reprs import brief
@@ -118,15 +119,15 @@ class RobotKeywords(TypedDict, total=False):
     lock: Mapping[str, float | Literal["free"]] | None
     arm: tuple[str, str] | None
     mount: Placement | None
-    effort_limit: ArrayLike | None
-    velocity_limit: ArrayLike | None
+    effort_limit: JointNumbers | None
+    velocity_limit: JointNumbers | None
     torque_speed: Mapping[str, ArrayLike] | None
-    armature: ArrayLike | None
-    rotor_inertia: ArrayLike | None
-    gear_ratio: ArrayLike | None
+    armature: JointNumbers | None
+    rotor_inertia: JointNumbers | None
+    gear_ratio: JointNumbers | None
     damping: FrictionValue | None
     friction: FrictionValue | None
-    friction_width: ArrayLike | None
+    friction_width: JointNumbers | None
     passive: Sequence[str]
     inertias: Mapping[str, ArrayLike] | None
     package_dirs: Sequence[str | os.PathLike[str]]
@@ -190,15 +191,15 @@ class RobotOptions(Checked):
     )
     arm: tuple[str, str] | None = checked(_ends_of_arm, None)
     mount: Placement | None = checked(placed, None)
-    effort_limit: ArrayLike | None = None
-    velocity_limit: ArrayLike | None = None
+    effort_limit: JointNumbers | None = None
+    velocity_limit: JointNumbers | None = None
     torque_speed: Mapping[str, ArrayLike] | None = None
-    armature: ArrayLike | None = None
-    rotor_inertia: ArrayLike | None = None
-    gear_ratio: ArrayLike | None = None
+    armature: JointNumbers | None = None
+    rotor_inertia: JointNumbers | None = None
+    gear_ratio: JointNumbers | None = None
     damping: FrictionValue | None = None
     friction: FrictionValue | None = None
-    friction_width: ArrayLike | None = None
+    friction_width: JointNumbers | None = None
     passive: Sequence[str] = ()
     inertias: Mapping[str, ArrayLike] | None = checked(
         expect, None, kind=Mapping, hint="joint name to ten inertial parameters", error=SpecError

@@ -8,13 +8,13 @@ from numpy.typing import ArrayLike
 
 from armdyn.arguments import Checked, checked
 from armdyn.arrays import Array
-from armdyn.models.values.per_joint import per_joint
+from armdyn.models.values.per_joint import JointNumbers, per_joint
 from armdyn.reprs import brief
 
 FRICTION_WIDTH = 0.05
 """Default of `JointFriction.width` [rad/s or m/s]: one or two per cent of the speed of industrial joints."""
 
-FrictionValue = ArrayLike | Literal["urdf"]
+FrictionValue = JointNumbers | Literal["urdf"]
 """One number, one per joint, or "urdf": that of the URDF's `<dynamics>`."""
 
 

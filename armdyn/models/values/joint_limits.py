@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Self
 
 import numpy as np
 
-from armdyn.arguments import each, expect, numbers, shown, text
+from armdyn.arguments import Sign, each, expect, numbers, shown, text
 from armdyn.arrays import Array, Flags
 from armdyn.errors import ArmdynError, SpecError
 from armdyn.models.values.actuator_limits import ActuatorLimits, ConstantTorque
-from armdyn.models.values.per_joint import expect_joint
+from armdyn.models.values.per_joint import JointNumbers, expect_joint, filled, per_joint
 from armdyn.reprs import brief
 
 _CONSTANT = ConstantTorque(np.empty(0), np.empty(0))
@@ -70,6 +70,22 @@ class JointLimits:
             (_between(lower, upper), _text(fastest), "no motor" if idle else _between(*effort))
             for lower, upper, fastest, *effort, idle in zip(*self.rows.values(), self.passive, strict=True)
         ]
+
+    def with_effort(
+        self, value: JointNumbers, joints: Sequence[str], error: type[ArmdynError], sign: Sign = "any"
+    ) -> Self:
+        """The limits with other torques either way [N m or N]: one number is of joints with a motor, or see `filled`.
+
+        Raises:
+            ArmdynError: as `error`; the value is no such numbers.
+        """
+        name, unit = "effort_limit", "N m or N"
+        given = filled(value, joints, name, self.effort_upper, error)
+        upper = per_joint(given, joints, name, unit=unit, error=error, finite=False, sign=sign)
+        if given is value and np.ndim(given) == 0:
+            upper = np.where(self.passive, 0.0, upper)
+        kept = [isinstance(value, Mapping) and name not in value for name in joints]
+        return replace(self, effort_lower=np.where(kept, self.effort_lower, -upper), effort_upper=upper)
 
     def without_motors(self, passive: Iterable[str], joints: Sequence[str], error: type[ArmdynError]) -> Self:
         """The limits with no motor at some joints.

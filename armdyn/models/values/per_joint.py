@@ -1,6 +1,7 @@
 """One number per joint, as users give it, read and checked."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +12,34 @@ from armdyn.errors import ArmdynError, ProblemError, SpecError, did_you_mean
 
 PerJoint = float | tuple[float, ...]
 """One number for all joints, or one per joint."""
+
+
+JointNumbers: TypeAlias = ArrayLike | Mapping[str, float]
+"""One number for all joints, one per joint, or numbers of some joints by name."""
+
+
+def filled(
+    value: JointNumbers, joints: Sequence[str], name: str, own: ArrayLike, error: type[ArmdynError] = SpecError
+) -> ArrayLike:
+    """Numbers by name as one per joint, the others as they are; any other value as given.
+
+    Args:
+        value: as given by a user.
+        joints: their names.
+        name: the quantity's name in messages.
+        own: numbers of the joints that are not named, one or shape (nv,).
+        error: class of the raised error.
+
+    Raises:
+        ArmdynError: as `error`; there is no such joint, or a value is no number.
+    """
+    if not isinstance(value, Mapping):
+        return value
+    row = np.array(np.broadcast_to(own, len(joints)), dtype=float)
+    for joint, number in value.items():
+        expect_joint(joint, joints, name, error)
+        row[list(joints).index(joint)] = per_joint(number, (joint,), name, error=error, finite=False)[0]
+    return row
 
 
 def per_joint(

@@ -13,7 +13,7 @@ from armdyn.arguments import number
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
-from armdyn.models.values.per_joint import per_joint
+from armdyn.models.values.per_joint import filled, per_joint
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, PathConstraint
 from armdyn.optimal.path_constraints.rate_limits import PartialLimit
 from armdyn.optimal.path_constraints.rows import RowValues, StageRows
@@ -266,6 +266,7 @@ def _surplus(stages: Stages, numbers: ca.SX) -> ca.SX:
 
 def _per_joint(limit: ArrayLike, robot: Robot, what: str, unit: str) -> Array:
     """A limit of one positive number, or one per joint, expanded to shape (nv,); inf: none."""
+    limit = filled(limit, robot.joint_names, what, np.inf, ProblemError)
     return per_joint(limit, robot.joint_names, what, unit=unit, error=ProblemError, finite=False, sign="positive")
 
 

@@ -13,7 +13,7 @@ from armdyn.errors import ProblemError
 from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits, scaled_limits
-from armdyn.models.values.per_joint import per_joint
+from armdyn.models.values.per_joint import filled, per_joint
 from armdyn.reprs import joint_unit
 
 
@@ -84,29 +84,29 @@ def resolved_limits(
         ProblemError: a limit is neither one number nor one per joint.
     """
 
-    def read(value: Any, name: str) -> Array:
-        return per_joint(value, robot.joint_names, name, error=ProblemError, finite=False)
+    def read(value: Any, name: str, own: Array) -> Array:
+        given = filled(value, robot.joint_names, name, own, ProblemError)
+        return per_joint(given, robot.joint_names, name, error=ProblemError, finite=False)
 
     own = robot.limits
-    effort_lower, effort_upper = own.effort_lower, own.effort_upper
+    limits, velocity, lower, upper = own, own.velocity, own.position_lower, own.position_upper
     if isinstance(effort_limit, tuple) and len(effort_limit) == 2:
-        effort_lower, effort_upper = (read(x, "effort_limit") for x in effort_limit)
+        below, above = effort_limit
+        limits = replace(
+            own,
+            effort_lower=read(below, "effort_limit", own.effort_lower),
+            effort_upper=read(above, "effort_limit", own.effort_upper),
+        )
     elif effort_limit is not None:
-        effort_upper = read(effort_limit, "effort_limit")
-        if np.ndim(effort_limit) == 0:  # of all joints that have a motor
-            effort_upper = np.where(own.passive, 0.0, effort_upper)
-        effort_lower = -effort_upper
-    velocity = own.velocity if velocity_limit is None else read(velocity_limit, "velocity_limit")
-    lower, upper = own.position_lower, own.position_upper
+        limits = own.with_effort(effort_limit, robot.joint_names, ProblemError)
+    if velocity_limit is not None:
+        velocity = read(velocity_limit, "velocity_limit", own.velocity)
     if position_limit is not None:
         pair = several(position_limit, "position_limit")
         if len(pair) != 2:
             raise ProblemError("position_limit must be a pair (lower, upper) [rad or m]")
-        lower, upper = (read(x, "position_limit") for x in pair)
-    return replace(
-        own, position_lower=lower, position_upper=upper, velocity=velocity,
-        effort_lower=effort_lower, effort_upper=effort_upper,
-    )  # fmt: skip
+        lower, upper = map(read, pair, ("position_limit",) * 2, (lower, upper))
+    return replace(limits, position_lower=lower, position_upper=upper, velocity=velocity)
 
 
 def limits_under(limits: JointLimits, preset: ControllerPreset) -> JointLimits:
@@ -147,7 +147,8 @@ def rate_limit(value: ArrayLike | None, name: str, robot: Robot, preset: Control
     unit = joint_unit(robot.slides, f"rad/s{power}", f"m/s{power}")
     found = None if preset is None else preset.limit(name.removesuffix("_limit"))
     if value is not None:
-        own = per_joint(value, robot.joint_names, name, unit=unit, error=ProblemError, finite=False, sign="positive")
+        given = filled(value, robot.joint_names, name, np.inf, ProblemError)
+        own = per_joint(given, robot.joint_names, name, unit=unit, error=ProblemError, finite=False, sign="positive")
         found = own if found is None else np.minimum(own, found)
     if found is not None:
         found.setflags(write=False)
@@ -156,7 +157,7 @@ def rate_limit(value: ArrayLike | None, name: str, robot: Robot, preset: Control
 
 def _parts(value: ArrayLike, joints: Sequence[str], name: str) -> Array:
     """Reserve of each joint, shape (nv,)."""
-    parts = per_joint(value, joints, name, error=ProblemError)
+    parts = per_joint(filled(value, joints, name, 0.0, ProblemError), joints, name, error=ProblemError)
     for i, part in enumerate(parts):
         if not 0 <= part < 1:
             at = f" (index {i})" if np.ndim(value) else ""

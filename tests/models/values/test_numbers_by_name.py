@@ -1,0 +1,27 @@
+"""Numbers of some joints by name; the others keep theirs."""
+
+import numpy as np
+import pytest
+
+import armdyn as ad
+from armdyn.parsing.numbers import one_or_more
+
+
+def test_a_limit_by_name_changes_one_joint():
+    own = ad.load_robot("ur5")
+    joint = own.joint_names[3]
+    limits = ad.load_robot("ur5", effort_limit={joint: 12.0}, velocity_limit={joint: 1.0}).limits
+    others = np.arange(6) != 3
+    assert limits.effort_upper[3] == 12.0 and limits.effort_lower[3] == -12.0 and limits.velocity[3] == 1.0
+    np.testing.assert_array_equal(limits.effort_upper[others], own.limits.effort_upper[others])
+    np.testing.assert_array_equal(limits.velocity[others], own.limits.velocity[others])
+
+
+def test_an_unknown_joint_is_refused_with_the_names():
+    with pytest.raises(ad.SpecError, match="nix") as caught:
+        ad.load_robot("ur5", effort_limit={"nix": 12.0})
+    assert ad.load_robot("ur5").joint_names[0] in str(caught.value)
+
+
+def test_the_command_line_reads_names():
+    assert one_or_more("elbow=12, wrist=3", "--effort-limit") == {"elbow": 12.0, "wrist": 3.0}
