@@ -151,7 +151,7 @@ def _expanded(name: str, hint: Any, one: Any, panel: str | None) -> Iterator[Par
     default = Parameter.empty if one.default is MISSING else one.default
     typed = hint if _reader(hint) is None else str | None
     if "dict[str, float]" in str(hint):
-        typed, declared.callback = list[str] | None, _joined
+        typed = list[str] | None
         default = default if default is None else [default]
     yield Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[typed, declared])
 
@@ -159,11 +159,6 @@ def _expanded(name: str, hint: Any, one: Any, panel: str | None) -> Iterator[Par
 def _reader(hint: Any) -> Callable[[str, str], Any] | None:
     """Function that makes an option's value of the typed text; None: the value is taken as typed."""
     return hint.__metadata__[0] if get_origin(hint) is Annotated else None
-
-
-def _joined(given: list[str] | None) -> str | None:
-    """One text of an option that was given again."""
-    return ",".join(given) if given else None
 
 
 def _flowing(help_text: str) -> str:
@@ -178,4 +173,6 @@ def _gathered(name: str, hint: Any, values: Mapping[str, Any]) -> Any:
         hints = get_type_hints(hint, include_extras=True)
         return hint(**{one.name: _gathered(one.name, hints[one.name], values) for one in fields(hint)})
     value, read = values[name], _reader(hint)
+    if isinstance(value, list) and read is not None:  # given again
+        value = ",".join(value) or None
     return value if read is None or value is None else read(value, flag_of(name))

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 import armdyn as ad
+from armdyn.errors import SpecError
 from armdyn.parsing.numbers import one_or_more
 
 
 def test_a_limit_by_name_changes_one_joint():
-    own = ad.load_robot("ur5")
+    own = ad.Robot.from_library("ur5")
     joint = own.joint_names[3]
-    limits = ad.load_robot("ur5", effort_limit={joint: 12.0}, velocity_limit={joint: 1.0}).limits
+    limits = ad.Robot.from_library("ur5", effort_limit={joint: 12.0}, velocity_limit={joint: 1.0}).limits
     others = np.arange(6) != 3
     assert limits.effort_upper[3] == 12.0 and limits.effort_lower[3] == -12.0 and limits.velocity[3] == 1.0
     np.testing.assert_array_equal(limits.effort_upper[others], own.limits.effort_upper[others])
@@ -18,9 +19,9 @@ def test_a_limit_by_name_changes_one_joint():
 
 
 def test_an_unknown_joint_is_refused_with_the_names():
-    with pytest.raises(ad.SpecError, match="nix") as caught:
-        ad.load_robot("ur5", effort_limit={"nix": 12.0})
-    assert ad.load_robot("ur5").joint_names[0] in str(caught.value)
+    with pytest.raises(SpecError, match="nix") as caught:
+        ad.Robot.from_library("ur5", effort_limit={"nix": 12.0})
+    assert ad.Robot.from_library("ur5").joint_names[0] in str(caught.value)
 
 
 def test_the_command_line_reads_names():
