@@ -279,9 +279,9 @@ class Arm(Checked):
         if rotor_inertia is not None and gear_ratio is not None:
             inertia = self._read(rotor_inertia, "rotor_inertia", "kg m²")
             armature = self._read(gear_ratio, "gear_ratio") ** 2 * inertia
-            armature = (
-                np.where(armature == 0, self.model.armature, armature) if isinstance(gear_ratio, Mapping) else armature
-            )
+            by_name = [one for one in (rotor_inertia, gear_ratio) if isinstance(one, Mapping)]
+            named = [all(joint in one for one in by_name) for joint in self.joint_names]
+            armature = np.where(named, armature, self.model.armature)
         if armature is None:
             return self
         model = self.model.copy()

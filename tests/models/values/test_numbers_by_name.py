@@ -26,3 +26,14 @@ def test_an_unknown_joint_is_refused_with_the_names():
 
 def test_the_command_line_reads_names():
     assert one_or_more("elbow=12, wrist=3", "--effort-limit") == {"elbow": 12.0, "wrist": 3.0}
+
+
+def test_a_rotor_by_name_leaves_other_rotors():
+    own = ad.Robot.from_library("ur5", armature=0.5)
+    joint = own.joint_names[3]
+    expected = [0.5, 0.5, 0.5, 1.0, 0.5, 0.5]  # 100² · 1e-4 kg m²
+    for rotor, gear in (({joint: 1e-4}, 100.0), (1e-4, {joint: 100.0}), ({joint: 1e-4}, {joint: 100.0})):
+        np.testing.assert_allclose(
+            own.with_armature(None, rotor, gear).model.armature, expected, rtol=1e-12
+        )  # rounding
+    assert own.with_armature(None, {joint: 0.0}, 100.0).model.armature[3] == 0.0
