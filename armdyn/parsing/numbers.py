@@ -53,7 +53,10 @@ def one_or_more(text: str, what: str) -> float | list[float] | dict[str, float]:
     """One number for all joints, one for each, or numbers by name: 12; 1,2,3; elbow=12,wrist=3."""
     if "=" in text:
         pairs = [part.partition("=") for part in text.split(",")]
-        return {name.strip(): number(value, f"{what} {name.strip()}") for name, _, value in pairs}
+        found = {name.strip(): number(value, f"{what} {name.strip()}") for name, equals, value in pairs if equals}
+        if len(found) < len(pairs):
+            raise ProblemError(f"{what}: {text!r} must be JOINT=NUMBER throughout, each joint once")
+        return found
     values = numbers(text, what)
     return values[0] if len(values) == 1 else values
 

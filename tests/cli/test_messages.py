@@ -13,7 +13,7 @@ from armdyn.cli import invocation
 from armdyn.cli.invocation import in_options
 from armdyn.errors import ProblemError
 from armdyn.optimal.path_constraints.registry import PATH_CONSTRAINTS
-from cli.command import app, run_json
+from cli.command import app, run_here, run_json
 
 SOURCE = Path(ad.__file__).parent
 PYTHON_ONLY = {
@@ -124,3 +124,38 @@ def test_python_speaks_of_arguments():
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
     with pytest.raises(ProblemError, match=r"give `effort_limit`, or name fewer joints in `passive`"):
         ad.MinimumTimeProblem(robot, q_start=[0, 0], q_goal=[1, 1], effort_limit=0)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["nix=1"], "--effort-limit: there is no joint 'nix'; there are joint1, joint2"),
+        (["50", "joint1=1"], "--effort-limit is given 2 times: once, or each as JOINT=NUMBER"),
+        (["joint1=1,2"], "--effort-limit: 'joint1=1,2' must be JOINT=NUMBER throughout, each joint once"),
+        (
+            ["joint1=1", "joint1=2"],
+            "--effort-limit: 'joint1=1,joint1=2' must be JOINT=NUMBER throughout, each joint once",
+        ),
+    ],
+)
+def test_limits_by_joint_name_that_are_none(options, says):
+    typed = [word for one in options for word in ("--effort-limit", one)]
+    done = run_here("mintime", "rr", *typed, "--no-figure")
+    assert done.returncode == 2
+    assert says in " ".join(done.stderr.split())
+
+
+@pytest.mark.slow
+def test_limits_by_joint_name_change_these_joints_alone(tmp_path):
+    given = (
+        "--effort-limit",
+        "joint2=0.2",
+        "--effort-limit",
+        "joint1=2",
+        "--no-figure",
+        "--no-report",
+        "--out",
+        tmp_path,
+    )
+    found = ad.Trajectory.load(run_json("mintime", "rr", *given)["files"][0])
+    assert np.max(np.abs(found.tau), axis=0) == pytest.approx([2.0, 0.2])  # bang-bang: both are reached

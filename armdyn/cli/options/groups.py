@@ -14,6 +14,7 @@ from typer.models import OptionInfo
 from armdyn.cli.console import Answer
 from armdyn.cli.execution import carry_out
 from armdyn.cli.invocation import flag_of, is_given, running
+from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import numbers, one_or_more, part
 
 TASK, ROBOT, LIMITS, SCENE, SOLVER, OUTPUT = "Task", "Robot", "Limits", "Scene", "Solver", "Output"
@@ -173,6 +174,8 @@ def _gathered(name: str, hint: Any, values: Mapping[str, Any]) -> Any:
         hints = get_type_hints(hint, include_extras=True)
         return hint(**{one.name: _gathered(one.name, hints[one.name], values) for one in fields(hint)})
     value, read = values[name], _reader(hint)
-    if isinstance(value, list) and read is not None:  # given again
+    if isinstance(value, list) and read is not None:
+        if len(value) > 1 and not all("=" in one for one in value):
+            raise ProblemError(f"{flag_of(name)} is given {len(value)} times: once, or each as JOINT=NUMBER")
         value = ",".join(value) or None
     return value if read is None or value is None else read(value, flag_of(name))
