@@ -159,3 +159,12 @@ def test_limits_by_joint_name_change_these_joints_alone(tmp_path):
     )
     found = ad.Trajectory.load(run_json("mintime", "rr", *given)["files"][0])
     assert np.max(np.abs(found.tau), axis=0) == pytest.approx([2.0, 0.2])  # bang-bang: both are reached
+
+
+def test_one_number_that_raises_a_files_limits_is_said(tmp_path):
+    given = "ur5", "--q-start", "home", "--q-goal", "home", "--effort-limit"
+    said = " ".join(run_here("mintime", *given, "100", cwd=tmp_path).stderr.split())
+    assert "--effort-limit 100 raises the file's limits of wrist_1_joint from 28, wrist_2_joint from 28" in said
+    assert "shoulder" not in said.partition("; JOINT=")[0]
+    for quiet in ("20", "wrist_1_joint=100", "150,150,150,100,100,100"):
+        assert "raises" not in run_here("mintime", *given, quiet, cwd=tmp_path).stderr

@@ -1,7 +1,8 @@
 """Checks of an untrusted URDF, before Pinocchio reads it."""
 
-from collections.abc import Set
+from collections.abc import Callable, Set
 from graphlib import CycleError, TopologicalSorter
+from typing import Self
 from xml.etree import ElementTree
 
 import numpy as np
@@ -15,6 +16,9 @@ MAX_LINKS = 1000
 
 MAX_MOVING = 150
 """A URDF of more moving joints is refused: Pinocchio's memory grows with their cube, 0.2 GiB for 150."""
+
+_MOST_SAID = 7
+"""Largest number of further faults in one message."""
 
 MOVING = ("revolute", "continuous", "prismatic")
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -75,12 +79,13 @@ def parse_urdf(text: str, source: str) -> ElementTree.Element:
         raise UrdfError(source, "has no <link>")
     if sum(joint.get("type") in MOVING for joint in joints.values()) > MAX_MOVING:
         raise UrdfError(source, f"has more than {MAX_MOVING} joints that move")
-    for name, link in links.items():
-        if (inertial := link.find("inertial")) is not None:
-            for tag in _OF_BODIES:
-                _numbers(inertial, tag, source, f"link {clipped(name)!r}")
-    for name, joint in joints.items():
-        _check_joint(joint, source, f"joint {clipped(name)!r}", links)
+    with _Faults() as faults:
+        for name, link in links.items():
+            if (inertial := link.find("inertial")) is not None:
+                for tag in _OF_BODIES:
+                    faults.of(_numbers, inertial, tag, source, f"link {clipped(name)!r}")
+        for name, joint in joints.items():
+            faults.of(_check_joint, joint, source, f"joint {clipped(name)!r}", links)
     _check_tree(links, joints, source)
     return root
 
@@ -96,17 +101,47 @@ def check_inertias(root: ElementTree.Element, source: str, moving: Set[str]) -> 
     Raises:
         UrdfError: principal moments are negative, or one is larger than the other two together.
     """
-    for link in root.findall("link"):
-        inertial = link.find("inertial")
-        if inertial is None or link.get("name") not in moving:
-            continue
-        where = f"link {clipped(link.get('name'))!r}"
-        tensor = inertia_tensor(inertial, source, where)
-        if fault := inertia_fault(tensor):
-            mass, most = _numbers(inertial, "mass", source, where)["value"][0], np.linalg.eigvalsh(tensor)[-1]
-            if mass * most > 0:
-                fault += f"; its radius of gyration is {np.sqrt(most / mass):.3g} m with {mass:g} kg"
-            raise UrdfError(source, f"{fault}; `armdyn doctor FILE --repair` shows the nearest physical one", where)
+    with _Faults() as faults:
+        for link in root.findall("link"):
+            if link.find("inertial") is not None and link.get("name") in moving:
+                faults.of(_check_inertia, link, source)
+
+
+def _check_inertia(link: ElementTree.Element, source: str) -> None:
+    inertial, where = link.find("inertial"), f"link {clipped(link.get('name'))!r}"
+    tensor = inertia_tensor(inertial, source, where)  # type: ignore[arg-type]  # the caller has looked
+    if fault := inertia_fault(tensor):
+        mass, most = _numbers(inertial, "mass", source, where)["value"][0], np.linalg.eigvalsh(tensor)[-1]  # type: ignore[arg-type]
+        if mass * most > 0:
+            fault += f"; its radius of gyration is {np.sqrt(most / mass):.3g} m with {mass:g} kg"
+        raise UrdfError(source, f"{fault}; `armdyn doctor FILE --repair` shows the nearest physical one", where)
+
+
+class _Faults:
+    """Faults of a URDF's elements: the first is raised, and tells the others."""
+
+    def __init__(self) -> None:
+        self._found: list[UrdfError] = []
+
+    def of(self, check: Callable[..., object], *arguments: object) -> None:
+        """Run a check."""
+        try:
+            check(*arguments)
+        except UrdfError as error:
+            self._found.append(error)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if not self._found:
+            return
+        first, *more = self._found
+        if more:
+            said = "; ".join(str(one).removeprefix(f"{one.source}: ") for one in more[:_MOST_SAID])
+            left = f"; and {len(more) - _MOST_SAID} others" if len(more) > _MOST_SAID else ""
+            first.args = (f"{first}; {len(more)} more: {said}{left}",)
+        raise first
 
 
 def inertia_tensor(inertial: ElementTree.Element, source: str, where: str) -> Array:

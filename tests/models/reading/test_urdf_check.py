@@ -302,3 +302,18 @@ def test_damaged_files_raise_nothing_else(tmp_path):
             Robot.from_urdf(path)
         except ArmdynError as error:
             assert str(path) in str(error)
+
+
+def test_all_faults_of_links_and_joints_are_told_at_once():
+    """The first was told in each run."""
+    bare = '<joint name="{0}" type="revolute"><parent link="base"/><child link="{1}"/><axis xyz="0 0 1"/></joint>'
+    links = "".join(f'<link name="{name}"/>' for name in ("base", "a", "b"))
+    text = f'<robot name="bad">{links}{bare.format("j1", "a")}{bare.format("j2", "b")}</robot>'
+    with pytest.raises(UrdfError) as caught:
+        parse_urdf(text, "bad.urdf")
+    assert caught.value.element == "joint 'j1'"
+    assert "bad.urdf: joint 'j1': a revolute joint needs" in str(caught.value)
+    assert "; 1 more: joint 'j2': a revolute joint needs" in str(caught.value)
+    many = "".join(f'<link name="l{k}"><inertial><mass value="-1"/></inertial></link>' for k in range(20))
+    with pytest.raises(UrdfError, match=r"; \d\d more: .*; and \d\d others$"):
+        parse_urdf(f'<robot name="bad"><link name="base"/>{many}</robot>', "bad.urdf")
