@@ -95,7 +95,17 @@ INNER = {
         "on",
         "under",
     ),
-    *("report", "rows", "tightened", "torque_rate_limit", "values", "with_stability", "without", "without_motors"),
+    *(
+        "report",
+        "rows",
+        "tightened",
+        "torque_rate_limit",
+        "values",
+        "with_stability",
+        "with_effort",
+        "without",
+        "without_motors",
+    ),
     "from_description",  # takes a package, and the internet
     "from_table",  # of a file that was read
 }

@@ -284,10 +284,10 @@ class Arm(Checked):
             armature = np.where(named, armature, self.model.armature)
         if armature is None:
             return self
-        model = self.model.copy()
+        model, what = self.model.copy(), "armature" if rotor_inertia is None else "armature = gear_ratio² rotor_inertia"
         model.armature = self._read(armature, "armature", "kg m² or kg", model.armature)
         if np.max(model.armature) > LARGEST:
-            raise SpecError(f"armature is {shown(armature)} kg m² or kg; it must be {LARGEST:g} at most")
+            raise SpecError(f"{what} is {shown(armature)} kg m² or kg; it must be {LARGEST:g} at most")
         return replace(self, model=model)
 
     def with_unit_inertia(self) -> Self:
