@@ -42,7 +42,8 @@ def assembled(
     if not decides and best.phases:
         decides = deciding(task.problem, best.phases, task.policy.arcs.least_share)
     deciders = {one.joint for one in decides}
-    raised = {"search": task.options.search == "thorough", "starts": task.options.starts is not None}
+    more_starts = (task.options.starts or 0) > task.policy.curves.starts
+    raised = {"search": task.options.search == "thorough", "starts": more_starts}
     idle = tuple(name for name in best.certificate.idle if name not in deciders)
     certificate, duration = replace(best.certificate, idle=idle), best.trajectory.duration
     status = _status(task, best, found)

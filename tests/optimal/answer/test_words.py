@@ -8,6 +8,7 @@ import armdyn as ad
 from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.answer.words import verdict
 from armdyn.optimal.proof.certificate import ON_CURVE, Certificate
+from armdyn.optimal.task.task import Task
 from problems import POSES
 
 
@@ -57,6 +58,13 @@ def test_an_unusable_motion_is_reported(solution):
     short = dataclasses.replace(solution, certificate=missed, success=False, message="ends beside the goal")
     assert "The motion is not executable: ends beside the goal." in str(short) and "What you can do: " in str(short)
     assert verdict(short) == "not usable" and "decided by" not in str(short)
+
+
+def test_fewer_starts_than_the_default_are_no_advice_that_was_followed(solution):
+    normal = Task.of(solution.problem).policy.curves.starts
+    for starts, followed in ((1, ()), (normal + 1, ("starts",))):
+        found = ad.solve_minimum_time(solution.problem, ad.MinimumTimeOptions(starts=starts))
+        assert found.followed == followed
 
 
 def test_no_motion_has_no_duration(solution):
