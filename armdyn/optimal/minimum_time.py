@@ -86,13 +86,6 @@ def solve_task(task: Task, seconds: float | None = None) -> Solution:
     check_pace(problem)
     if problem.goal_pose is not None or len(problem.goals) > 1:
         return fastest_goal(task, solve_task)
-    if problem.weak_ends and task.options.search == "normal" and task.options.starts is None:
-        ends = "; ".join(one.words for one in problem.weak_ends)
-        task.progress(f"{ends}: there may be no motion, and a quick search comes first")
-        quick = solve_task(task.with_options(search="quick"), seconds)
-        if not quick.moves:
-            said = f"{quick.message}; a quick search was made, and `search` thorough makes a long one"
-            return replace(quick, message=said)
     limit, numbers = task.options.time_limit if seconds is None else seconds, task.policy.landing
     with one_blas_thread():
         with (
@@ -100,13 +93,26 @@ def solve_task(task: Task, seconds: float | None = None) -> Solution:
             _bounded(replace(task, stop=stop)) as task,
         ):
             try:
-                optima, found = refined(task)
+                optima, found = _first_quickly(task)
             except NoTimeError as error:
                 why = f"{ended_by_time(task.options.time_limit)} before it began: {error}"
                 return without_motion(problem, stop.status, stop.word if stop.interrupted else why)
             bound = task.lower_bound()
         elapsed = time.perf_counter() - started
         return assembled(task, optima, found, elapsed, bound) if optima else failed(task, found, elapsed)
+
+
+def _first_quickly(task: Task) -> tuple[list[Optimum], SearchResult]:
+    """`refined`, after a quick search where an end cannot be held, since there may be no motion."""
+    weak = "; ".join(one.words for one in task.problem.weak_ends)
+    if not weak or task.options.search != "normal" or task.options.starts is not None:
+        return refined(task)
+    task.progress(f"{weak}: there may be no motion, and a quick search comes first")
+    optima, found = refined(task.with_options(search="quick"))
+    if optima and not task.stop:
+        return refined(task)
+    said = "" if task.stop else "a quick search was made, and `search` thorough makes a long one"
+    return optima, replace(found, remark=said)
 
 
 def refined(task: Task) -> tuple[list[Optimum], SearchResult]:

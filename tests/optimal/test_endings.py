@@ -176,6 +176,24 @@ def test_interrupt_returns_the_best_so_far():
     assert signal.getsignal(signal.SIGINT) is before
 
 
+@pytest.mark.parametrize("mass", [0.1, 1.5])
+def test_an_interrupt_of_the_quick_search_of_a_start_that_cannot_be_held_ends_the_solve(mass):
+    """With 0.1 kg there is a motion, whose normal search began after Ctrl-C; with 1.5 kg none, as of a whole search."""
+    messages = []
+
+    def press(text):
+        if not messages:
+            os.kill(os.getpid(), signal.SIGINT)
+        messages.append(text)
+
+    arm = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), ad.Payload(mass=mass))
+    weak = arm.with_limits(0.9 * np.abs(arm.holding_torque([0.0, 0.0])), None)
+    problem = ad.MinimumTimeProblem(weak, q_start=[0.0, 0.0], q_goal=[-np.pi / 2, 0.0])
+    solution = ad.solve_minimum_time(problem, progress=press)
+    assert "quick search comes first" in messages[0]
+    assert solution.status is ad.Status.INTERRUPTED and "a quick search was made" not in solution.message
+
+
 def test_an_interrupt_between_a_planned_path_and_its_first_curve():
     def press(text):
         if text == "the motion without obstacles":

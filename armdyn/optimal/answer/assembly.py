@@ -90,6 +90,7 @@ def failed(task: Task, found: SearchResult, elapsed: float) -> Solution:
         why = "; ".join((*weak, why))
     elif worst:
         why += f"; worst: {worst}"
+    why = "; ".join(filter(None, (why, found.remark)))
     return replace(
         without_motion(task.problem, status, why, attempt.trajectory),
         certificate=Certificate(np.inf, np.inf, np.inf, remark=f"no motion was found ({attempt.message})"),
