@@ -227,7 +227,8 @@ def export(
     if kind is Mujoco and controller.read() is not None:
         raise ProblemError("--preset checks commands for a controller; the format mujoco has none")
     motion, target = rows.motion(file), rows.target(file)
-    if isinstance(output_format, Ros2) and not motion.tau.any():
+    powered = bool(motion.tau.any())
+    if isinstance(output_format, Ros2) and not powered:
         output_format, fields = replace(output_format, effort=False), replace(fields, effort=False)
     preset = None if kind is Mujoco else preset_of(file, controller)
     default_rate = _MODEL_RATE if mujoco.model else usual_rate(kind)
@@ -252,8 +253,8 @@ def export(
     said = made.said()
     if subject is not None:
         samples, facts["holds"] = with_holding_torque(samples, subject.robot, motion)
-        unheld = _UNHELD if motion.tau.any() else "without efforts, since the motion has no torques"
-        said += [] if facts["holds"] and motion.tau.any() else [unheld]
+        unheld = _UNHELD if powered else "without efforts, since the motion has no torques"
+        said += [] if facts["holds"] and powered else [unheld]
         said += [_EFFORT] if fields.effort else []
     content = mujoco.content(file, motion, samples, fields.motors) if mujoco.model else output_format.text(samples)
     target.parent.mkdir(parents=True, exist_ok=True)

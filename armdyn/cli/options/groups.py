@@ -6,7 +6,7 @@ from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, Signature, cleandoc, signature
 from itertools import chain
-from typing import Annotated, Any, TypeAlias, dataclass_transform, get_origin, get_type_hints
+from typing import Annotated, Any, TypeAlias, dataclass_transform, get_args, get_origin, get_type_hints
 
 import typer
 from typer.models import OptionInfo
@@ -151,9 +151,8 @@ def _expanded(name: str, hint: Any, one: Any, panel: str | None) -> Iterator[Par
         declared.param_decls = declared.param_decls or (flag_of(name),)
     default = Parameter.empty if one.default is MISSING else one.default
     typed = hint if _reader(hint) is None else str | None
-    if "dict[str, float]" in str(hint):
-        typed = list[str] | None
-        default = default if default is None else [default]
+    if _reader(hint) is not None and dict[str, float] in get_args(hint.__origin__):  # numbers by name, given again
+        typed, default = list[str] | None, None if default is None else [default]
     yield Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[typed, declared])
 
 

@@ -20,24 +20,10 @@ if TYPE_CHECKING:
     from armdyn.models.scene.obstacles import Obstacle
 
 
-_ENDINGS = frozenset(
-    (
-        ".csv",
-        ".json",
-        ".yaml",
-        ".yml",
-        ".xml",
-        ".py",
-        ".script",
-        ".npz",
-        ".html",
-        ".toml",
-        ".urdf",
-        ".png",
-        ".pdf",
-        ".svg",
-    )
-)
+_ENDINGS = {
+    ".csv", ".json", ".yaml", ".yml", ".xml", ".py", ".script", ".npz", ".html", ".toml", ".urdf", ".png", ".pdf",
+    ".svg",
+}  # fmt: skip
 """Endings of files that commands write: a value of --out with one of them names a file, not a folder."""
 ALIKE = {".yaml": ".json", ".yml": ".json"}
 """Endings of which the file is one of the other's, too: JSON is YAML."""

@@ -103,15 +103,14 @@ def check_inertias(root: ElementTree.Element, source: str, moving: Set[str]) -> 
     """
     with _Faults() as faults:
         for link in root.findall("link"):
-            if link.find("inertial") is not None and link.get("name") in moving:
-                faults.of(_check_inertia, link, source)
+            if (inertial := link.find("inertial")) is not None and link.get("name") in moving:
+                faults.of(_check_inertia, inertial, source, f"link {clipped(link.get('name'))!r}")
 
 
-def _check_inertia(link: ElementTree.Element, source: str) -> None:
-    inertial, where = link.find("inertial"), f"link {clipped(link.get('name'))!r}"
-    tensor = inertia_tensor(inertial, source, where)  # type: ignore[arg-type]  # the caller has looked
+def _check_inertia(inertial: ElementTree.Element, source: str, where: str) -> None:
+    tensor = inertia_tensor(inertial, source, where)
     if fault := inertia_fault(tensor):
-        mass, most = _numbers(inertial, "mass", source, where)["value"][0], np.linalg.eigvalsh(tensor)[-1]  # type: ignore[arg-type]
+        mass, most = _numbers(inertial, "mass", source, where)["value"][0], np.linalg.eigvalsh(tensor)[-1]
         if mass * most > 0:
             fault += f"; its radius of gyration is {np.sqrt(most / mass):.3g} m with {mass:g} kg"
         raise UrdfError(source, f"{fault}; `armdyn doctor FILE --repair` shows the nearest physical one", where)
