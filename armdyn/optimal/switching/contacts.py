@@ -12,17 +12,15 @@ from armdyn.optimal.switching.extremal.quadratic_model import LinearRollout
 from armdyn.optimal.switching.extremal.state_limits import edited
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.signs import WrongSign, worst_interval
-from armdyn.optimal.switching.velocity_contacts import kept_at_speed, left_at_speed
 from armdyn.optimal.task.policy.switching import ContactPolicy
 
 
 def with_contacts(extremal: LinearRollout, is_extremal: bool = True) -> list[SwitchingStructure]:
     """Structures without the infeasible or suboptimal parts of a contact, likeliest first.
 
-    Where a contact needs more torque than the joint has, the joint's torque is saturated: on a velocity limit another
-    joint's torque may maintain the contact; a position limit is only touched. A contact whose multiplier has the wrong
-    sign is released: inward torque moves the joint off, outward torque brings it back, a bounce. On a velocity limit
-    the joint is decelerated and accelerated again.
+    Where a contact needs more torque than the joint has, the joint's torque is saturated, and a position limit is only
+    touched. A contact whose multiplier has the wrong sign is released: inward torque moves the joint off, outward
+    torque brings it back, a bounce. On a velocity limit the joint is decelerated and accelerated again.
 
     Args:
         extremal: extremal with contacts, which are checked one by one.
@@ -39,9 +37,6 @@ def with_contacts(extremal: LinearRollout, is_extremal: bool = True) -> list[Swi
         if contact is None:
             continue
         if (weak := contact.weak) is not None:
-            if (kept := kept_at_speed(extremal, segment, *weak)) is not None:
-                left = left_at_speed(extremal, kept, segment)
-                return [kept] if left is None else [kept, left]
             return [_let_go(extremal, segment, weak[0], [(0.0, weak[1])])]
         joint, mode = structure.changes[segment.begin].joint, structure.changes[segment.begin].mode
         alike = [
@@ -51,8 +46,6 @@ def with_contacts(extremal: LinearRollout, is_extremal: bool = True) -> list[Swi
         ]
         largest = max(alike) if mode in VELOCITY else contact.largest
         if is_extremal and (part := contact.unwilling(largest)) is not None:
-            if (left := left_at_speed(extremal, structure, segment, part)) is not None:
-                return [left]
             towards, away = TOWARDS[mode], OPPOSITE[TOWARDS[mode]]
             bounce = [(0.0, away), (0.25, towards), (0.75, away)]
             steps = [(0.0, away), (0.5, towards)] if mode in VELOCITY else bounce

@@ -13,7 +13,6 @@ from armdyn.optimal.switching.extremal.change import Change, Segment
 from armdyn.optimal.switching.extremal.rollout import ShootingProblem
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.signs import control_near, jumping_within
-from armdyn.optimal.switching.velocity_contacts import speed_contacts
 from armdyn.trajectory import Trajectory
 
 
@@ -22,8 +21,6 @@ def structures_of(
 ) -> Iterator[SwitchingStructure]:
     """Initial structures: all arcs bang arcs; then, if any, long stretches off all limits as singular arcs.
 
-    Before these: structures with torques that keep other joints on their velocity limits.
-
     Args:
         shooting: the shooting problem.
         arcs: arcs of a mesh.
@@ -31,30 +28,12 @@ def structures_of(
         sure: whether all stretches off all limits are surely singular arcs: only that structure is tried.
     """
     numbers = shooting.policy.singular
-    if sure:
-        yield from _at_speed(shooting, arcs, motion)
     shares = shares_of(shooting.problem, arcs, motion, numbers.in_arc)
     left = _long_stretches(arcs, numbers.long)
     if not (sure and np.any(left)):
         yield SwitchingStructure.of(banged(arcs, shares), motion)
     if np.any(left):
         yield _with_controls(shooting, SwitchingStructure.of(banged(arcs, shares, left), motion), motion)
-
-
-def _at_speed(shooting: ShootingProblem, arcs: Sequence[Arc], motion: Trajectory) -> Iterator[SwitchingStructure]:
-    """Structure in which torques hold other joints on their velocity limits; empty without such contacts."""
-    numbers = shooting.policy
-    cut, contacts = speed_contacts(shooting, arcs, motion)
-    if not contacts:
-        return
-    left = _long_stretches(cut, numbers.singular.long)
-    for contact in contacts:
-        left[contact.arc, contact.other] = True
-    shares = shares_of(shooting.problem, cut, motion, numbers.singular.in_arc)
-    structure = SwitchingStructure.of(banged(cut, shares, left), motion)
-    for contact in contacts:
-        structure = contact.bound_in(structure, motion, numbers.contacts.at * structure.duration)
-    yield _with_controls(shooting, structure, motion)
 
 
 def _long_stretches(arcs: Sequence[Arc], long: float) -> Flags:
@@ -80,7 +59,7 @@ def _with_controls(shooting: ShootingProblem, structure: SwitchingStructure, mot
         structure = structure.with_changes((begin, Change(i, Mode.FREE), state) for i in starting)
     changes = list(structure.changes)
     for k, change in enumerate(changes):
-        if change.mode is not Mode.FREE or change.keeps:
+        if change.mode is not Mode.FREE:
             continue
         begin, end = structure.span(Segment(k, structure.end_of(k)))
         t = np.linspace(begin, end, numbers.along + 2)[1:-1] * (motion.duration / structure.duration)

@@ -113,7 +113,7 @@ def without_wrong_touches(extremal: LinearRollout) -> SwitchingStructure | None:
     """
     structure, size = extremal.structure, extremal.rollout.start.shape[1]
     changes, short = structure.changes, extremal.shooting.policy.rollout.touch * structure.duration
-    held = zip(extremal.rollout.held_states, extremal.multipliers[size:], strict=False)
+    held = zip(extremal.rollout.held_states, extremal.multipliers[size:], strict=True)
     outwards = {(k, j < size // 2): outward(changes[k].mode) * multiplier for (k, j, _), multiplier in held}
     idle = []
     for segment in structure.segments():

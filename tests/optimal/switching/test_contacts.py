@@ -71,40 +71,24 @@ def test_arcs_without_contacts_have_none_to_mend():
 
 
 @pytest.mark.slow
-def test_a_joint_that_its_torque_cannot_hold_on_its_velocity_limit_is_kept_there_by_another():
-    # When the first joint is to brake, the second would take 1.27 times its torque to stay on its limit of 21.4 rad/s.
-    links = (
-        ad.LinkSpec(length=0.16, com=0.127, mass=0.42, inertia=0.00103),
-        ad.LinkSpec(length=0.157, com=0.0959, mass=0.0437, inertia=8.53e-5),
-    )
-    robot = ad.Robot.from_spec(ad.ArmSpec(name="rr", links=links), ad.Payload(mass=0.239))
-    problem = ad.MinimumTimeProblem(
-        robot,
-        q_start=[-1.986, -1.035],
-        q_goal=[-0.868, 0.0106],
-        effort_limit=[7.615, 5.144],
-        velocity_limit=[17.52, 21.45],
-    )
-    solution = ad.solve_minimum_time(problem)
-    assert solution.certified
-    (kept,) = [arc for arc in solution.arcs if arc.modes == (Mode.FREE, Mode.VELOCITY_UPPER)]
-    begin = sum(arc.duration for arc in solution.arcs[: solution.arcs.index(kept)])
-    inside = solution.trajectory(begin + np.linspace(0.1, 0.9, 9) * kept.duration)
-    np.testing.assert_allclose(inside.v[:, 1], 21.45, rtol=1e-6)
-    np.testing.assert_allclose(inside.tau[:, 1], -5.144, rtol=1e-5)
-    assert np.all(np.abs(inside.tau[:, 0]) < 7.6)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("links", "payload", "limits", "way", "jumps"),
+    ("links", "payload", "limits", "way", "exact"),
     [
+        # When the first joint is to brake, the second would take 1.27 times its torque to stay on its limit.
+        pytest.param(
+            ((0.16, 0.127, 0.42, 0.00103), (0.157, 0.0959, 0.0437, 8.53e-5)),
+            0.239,
+            ([7.615, 5.144], [17.52, 21.45]),
+            ([-1.986, -1.035], [-0.868, 0.0106]),
+            0.1359824936,
+            id="own torque is too weak",
+        ),
         pytest.param(
             ((0.1054, 0.08345, 0.09045, 9.574e-5), (0.268, 0.1638, 0.2499, 0.001422)),
             0.05174,
             ([7.987, 1.982], [25.42, 36.51]),
             ([-1.32, 1.298], [1.39, 0.3614]),
-            (True, True),
+            0.2083723785,
             id="other torque jumps at both ends",
         ),
         pytest.param(
@@ -112,13 +96,13 @@ def test_a_joint_that_its_torque_cannot_hold_on_its_velocity_limit_is_kept_there
             0.2046,
             ([8.136, 2.215], [20.79, 12.99]),
             ([-1.138, 1.249], [-2.846, -2.991]),
-            (False, True),
+            0.4706565857,
             id="velocity limit is met without acceleration",
         ),
     ],
 )
-def test_a_velocity_limit_held_by_another_torque_is_read_from_the_mesh(links, payload, limits, way, jumps):
-    # The other torque looked like a singular arc for 14 and 52 % of the time, which no short polynomial follows.
+def test_where_another_torque_holds_a_joint_on_its_velocity_limit_the_mesh_answers(links, payload, limits, way, exact):
+    # The other torque looks like a singular arc for up to 52 % of the time, which no short polynomial follows.
     spec = ad.ArmSpec(
         name="rr", links=tuple(ad.LinkSpec(length=a, com=c, mass=m, inertia=inertia) for a, c, m, inertia in links)
     )
@@ -127,11 +111,10 @@ def test_a_velocity_limit_held_by_another_torque_is_read_from_the_mesh(links, pa
     problem = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal, effort_limit=effort, velocity_limit=speed)
     solution = ad.solve_minimum_time(problem)
     assert solution.certified
-    assert solution.certificate.adjoint_error < 1e-6  # an integration of its own; it comes to 2e-8
-    (kept,) = [arc for arc in solution.arcs if arc.modes[0] is Mode.FREE]
-    begin = sum(arc.duration for arc in solution.arcs[: solution.arcs.index(kept)])
-    inside = solution.trajectory(begin + np.linspace(1e-6, 1 - 1e-6, 9) * kept.duration)
-    np.testing.assert_allclose(np.abs(inside.v[:, 1]), speed[1], rtol=1e-6)
-    np.testing.assert_allclose(np.abs(inside.tau[:, 1]), effort[1], rtol=1e-5)
-    assert np.all(np.abs(inside.tau[1:-1, 0]) < effort[0])
-    assert [bool(abs(tau) < 0.999 * effort[0]) for tau in inside.tau[[0, -1], 0]] == list(jumps)
+    # `exact`: arcs with that contact, integrated to 1e-9 and certified by their costates. The resolved mesh is 1.4e-6
+    # to 5.2e-6 slower.
+    assert solution.duration == pytest.approx(exact, rel=1e-5)
+    inside = solution.trajectory(np.linspace(0, solution.duration, 2001))
+    kept = np.abs(inside.v[:, 1]) > (1 - 1e-4) * speed[1]  # meshes stray by 2e-5 from velocity limits
+    kept &= (np.abs(inside.tau[:, 1]) > 0.999 * effort[1]) & (np.abs(inside.tau[:, 0]) < 0.999 * effort[0])
+    assert np.mean(kept) > 0.03  # of the exact arcs 3.7, 14 and 52 %

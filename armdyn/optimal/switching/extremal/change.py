@@ -98,11 +98,6 @@ class Change:
         touch: whether the change is a touch: the joint keeps its mode.
         control: singular control of a free torque; else None.
         carrier: joint that holds this one on a position limit; None: its own torque does.
-        keeps: joint that this one's torque keeps on its velocity limit, and that joint's active torque limit; else
-            None.
-        tangent: a joint and a torque limit: with this torque, and the others' on their limits, that joint's
-            acceleration is zero; else None.
-        tied: whether the change is simultaneous with the one before.
     """
 
     joint: int
@@ -110,9 +105,6 @@ class Change:
     touch: bool = False
     control: SingularControl | None = None
     carrier: Carrier | None = None
-    keeps: tuple[int, Mode] | None = None
-    tangent: tuple[int, Mode] | None = None
-    tied: bool = False
 
     def is_of(self, joint: int) -> bool:
         """Whether this is a change of a joint's mode."""

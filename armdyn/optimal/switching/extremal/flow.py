@@ -61,12 +61,10 @@ class Flow:
             where `begins` is 1, at its own x; its torque is linear. The last eight have a column for each step. `held`
             has 3 nv rows: 1 for joints held by their own torques, for one held by another's, for that other.
         switching: (q, p, held, body), 2 STEPS columns each -> S = ∂(pᵀẋ)/∂τ, shape (nv, 2 STEPS).
-        rate: (x, τ, free_mask, held, body) -> ẋ, ∂ẋ/∂x and ∂ẋ/∂τ along `free_mask`, at one state.
     """
 
     rollout: ca.Function
     switching: ca.Function
-    rate: ca.Function
 
     def rolled_out(self, own: Array, begins: Array, *columns: Array) -> tuple[Array, Array, Array, Array]:
         """Evaluate `rollout` for any multiple of `STEPS` steps, a row for each step.
@@ -144,7 +142,7 @@ def flow_of(dynamics: Dynamics, compile_mode: bool | None) -> Flow:
     rollout, many = compiled(
         [step.mapaccum("march", STEPS, 1), ca.Function("switchings", columns, many.call(columns))], compile_mode
     )
-    return Flow(rollout, many, rate)
+    return Flow(rollout, many)
 
 
 def _functions(dynamics: Dynamics) -> tuple[ca.Function, ca.Function]:

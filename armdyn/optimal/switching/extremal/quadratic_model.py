@@ -49,13 +49,7 @@ class LinearRollout:
             gap[a] += jumps[a]
         held = rollout.held_states
         rows = [reach[m] / rollout.unit[:, None], *(reach[k, j][None] / rollout.unit[j] for k, j, _ in held)]
-        rows += [(by_state @ reach[k])[None] for k, by_state, _ in rollout.tangents]
-        together = np.eye(structure.width) - np.eye(structure.width, k=-1)
-        tied = [k for k, change in enumerate(structure.changes) if change.tied and k]
-        rows.append(together[tied] / structure.duration)
         beyond = [(structure.states[k, j] + gap[k, j] - value) / rollout.unit[j] for k, j, value in held]
-        beyond += [value + by_state @ gap[k] for k, by_state, value in rollout.tangents]
-        beyond += [(structure.times[k] - structure.times[k - 1]) / structure.duration for k in tied]
         worst = float(np.max(np.abs(jumps / rollout.unit)))
         residual = np.concatenate([gap[m] / rollout.unit, beyond])
         return cls(rollout, reach, gap, np.vstack(rows), residual, worst)
@@ -120,11 +114,8 @@ class LinearRollout:
         rollout, size = self.rollout, self.rollout.start.shape[1]
         p = self.multipliers[:size] / rollout.unit
         jumps = np.zeros((rollout.structure.size, size))
-        held = len(rollout.held_states)
-        for (k, j, _), multiplier in zip(rollout.held_states, self.multipliers[size:][:held], strict=True):
+        for (k, j, _), multiplier in zip(rollout.held_states, self.multipliers[size:], strict=True):
             jumps[k, j] += multiplier / rollout.unit[j]
-        for (k, by_state, _), multiplier in zip(rollout.tangents, self.multipliers[size + held :], strict=False):
-            jumps[k] += multiplier * by_state
         start, end = np.empty_like(rollout.start), np.empty_like(rollout.end)
         for k in range(rollout.arc.size - 1, -1, -1):
             end[k] = p

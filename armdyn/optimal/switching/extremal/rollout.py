@@ -8,7 +8,7 @@ import numpy as np
 
 from armdyn.arrays import Array, Flags, Index
 from armdyn.locks import cached_property
-from armdyn.optimal.arcs.arc import POSITION, VELOCITY, Mode, bang_signs, outward
+from armdyn.optimal.arcs.arc import POSITION, VELOCITY, Mode, outward
 from armdyn.optimal.arcs.grid import Density, layered
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Budget
@@ -180,30 +180,6 @@ class Rollout:
                 out += [(k, i, float(bound[i])), (k, n + i, 0.0)]
             elif mode in VELOCITY:
                 out.append((k, n + i, outward(mode) * float(limits.velocity[i])))
-        return out
-
-    @cached_property
-    def tangents(self) -> list[tuple[int, Array, float]]:
-        """Zero-acceleration conditions: index of the change, ∂/∂(q, v), and the value, as a part of `unit`.
-
-        Accelerations per the motion's duration. They hold where a joint's torque leaves or reaches its limit without a
-        jump while the joint is on its velocity limit.
-        """
-        n, limits, modes = self.shooting.problem.robot.nv, self.shooting.problem.limits, self.structure.modes()
-        out: list[tuple[int, Array, float]] = []
-        for k, change in enumerate(self.structure.changes):
-            if change.tangent is None:
-                continue
-            joint, mode = change.tangent
-            before, after = np.array(modes[k]), np.array(modes[k + 1])
-            own = np.where(np.arange(n) == joint, mode, np.where(after == Mode.FREE, before, after))
-            held = np.append(np.isin(own, (*POSITION, *VELOCITY)), np.zeros(2 * n))
-            tau = limits.actuators.extreme(bang_signs(own))
-            rate, slope, _ = self.shooting.flow.rate(
-                self.structure.states[k], tau, np.zeros(n), held, self.shooting.body
-            )
-            scale = self.structure.duration / self.unit[n + joint]
-            out.append((k, scale * np.asarray(slope)[n + joint], scale * float(rate[n + joint])))
         return out
 
     @cached_property

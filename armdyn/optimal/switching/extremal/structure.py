@@ -100,14 +100,10 @@ class SwitchingStructure:
     def carriers(self) -> list[dict[int, Carrier]]:
         """Joints that hold another joint on its limit, on each of the m + 1 arcs, by the index of the held joint."""
         now: dict[int, Carrier] = {}
-        out, keeping = [now], dict[int, int]()
+        out = [now]
         for change in self.changes:
             if not change.touch:
-                kept = keeping.pop(change.joint, change.joint)
-                now = {joint: carrier for joint, carrier in now.items() if joint not in (change.joint, kept)}
-            if change.keeps:
-                keeping[change.joint] = change.keeps[0]
-                now[change.keeps[0]] = Carrier(change.joint, change.keeps[1], Mode.FREE)
+                now = {joint: carrier for joint, carrier in now.items() if joint != change.joint}
             if change.carrier:
                 now[change.joint] = change.carrier
             out.append(now)
@@ -140,17 +136,14 @@ class SwitchingStructure:
         """Pairs of changes within a time [s] of each other that must not pass each other within a step.
 
         Torques add up, so that the order of two switches does not matter. It matters where a joint begins or ceases to
-        be held on a velocity limit, by its own torque or another's.
+        be held on a velocity limit.
         """
-        held, now, keeping = list[bool](), list(self.first), set[int]()
+        held, now = list[bool](), list(self.first)
         for change in self.changes:
-            before, kept = now[change.joint], change.joint in keeping
+            before = now[change.joint]
             if not change.touch:
                 now[change.joint] = change.mode
-                keeping = keeping | {change.joint} if change.keeps else keeping - {change.joint}
-            held.append(
-                not change.touch and (kept or bool(change.keeps) or before in VELOCITY or change.mode in VELOCITY)
-            )
+            held.append(not change.touch and (before in VELOCITY or change.mode in VELOCITY))
         return [
             (k, after)
             for k in range(self.size)
@@ -158,7 +151,6 @@ class SwitchingStructure:
             if (held[k] or held[after])
             and self.times[after] - self.times[k] <= near
             and self.changes[k].joint != self.changes[after].joint
-            and not (after == k + 1 and self.changes[after].tied)
         ]
 
     def span(self, segment: Segment) -> tuple[float, float]:

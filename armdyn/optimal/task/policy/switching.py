@@ -93,7 +93,6 @@ class ContactPolicy:
     least: float = tuned(0.1, "of a contact", "least first shortening")
     end: float = tuned(0.25, "of a contact", "a negative multiplier so near an end shortens that end")
     near: float = tuned(1e-3, "of the duration", "distance within which a carrier's switches belong to a contact")
-    at: float = tuned(1e-6, "of the duration", "distance within which two switches are simultaneous")
 
 
 @dataclass(frozen=True, kw_only=True)
