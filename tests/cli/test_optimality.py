@@ -69,6 +69,7 @@ def test_its_output_and_files(motion, here):
     assert done.returncode == 0 and "the motion takes 0.600000 s" in words and "limits kept" in words
     assert "% less time" in words and "on no limit joint1 100 %, joint2 100 % of the time" in words
     assert "at its ends" not in words
+    assert re.search(r"the fastest takes 0\.\d+ s, locally optimal \(Pontryagin\) it could be", words)
     few = np.linspace(0, motion.t.size - 1, 11, dtype=int)
     np.savetxt(here / "few.csv", np.column_stack([motion.t, motion.q])[few], delimiter=",", header="t,q1,q2")
     few = run_here("optimality", "rr", "few.csv", *QUICK[:-1], "--out", "few").stdout  # a spline of eleven positions

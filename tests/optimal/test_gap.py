@@ -184,6 +184,12 @@ def test_a_faster_motion_within_its_limits_is_compared_with_no_optimum():
     assert "faster than the fastest motion found" in str(missed)
     assert "of the optimum" not in str(missed)
     assert "of the optimum" in str(replace(missed, feasible=False))
+    near = replace(optimum.certificate, hamiltonian_spread=1.0, lower_bound=optimum.duration, gap=0.0155)
+    for certificate, claim in ((optimum.certificate, "locally optimal (Pontryagin)"),
+                               (replace(optimum.certificate, hamiltonian_spread=1.0), "not proven optimal"),
+                               (near, "proven within 1.55 % of the fastest")):  # fmt: skip
+        said = str(replace(result, solution=replace(optimum, certificate=certificate)))
+        assert f"of the optimum of {optimum.duration:.4f} s, {claim}\n" in said
 
 
 @pytest.mark.slow

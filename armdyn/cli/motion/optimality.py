@@ -15,6 +15,7 @@ from armdyn.cli.options.path_constraints import RateOptions
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.errors import ProblemError
+from armdyn.files import attributes
 from armdyn.reprs import joint_unit, short_time
 
 MOTIONS = ("trajectory", "optimum")
@@ -84,8 +85,8 @@ def _facts(found: ad.TimeOptimality) -> dict[str, object]:
         "duration": found.duration,
         "optimal_duration": found.optimal_duration if compared else None,
         "ratio": found.ratio if compared else None,
-        "certified": solution.certified,
-        "lower_bound": solution.lower_bound,
+        **attributes(solution, "certified", "lower_bound", "gap", "gap_proven"),
+        "extremal": solution.certificate.extremal,
         **found.facts(),
         "on_no_limit": {name: float(part) for name, part in zip(names, found.idle, strict=True)},
         "what_to_do": list(solution.what_to_do),
@@ -103,8 +104,7 @@ def _words(found: ad.TimeOptimality) -> dict[str, str]:
     names = solution.problem.robot.joint_names
     words = {"the motion takes": f"{found.duration:.6f} s"}
     if solution.success:
-        certified = "certified" if solution.certified else "not certified"
-        words["the fastest takes"] = f"{found.optimal_duration:.6f} s, {certified}"
+        words["the fastest takes"] = f"{found.optimal_duration:.6f} s, {solution.certificate.claims}"
         words["it could be"] = _possible(found)
     else:
         words["the fastest"] = f"was not found: {solution.message}"

@@ -12,8 +12,8 @@ from armdyn.parsing.numbers import part
 
 REQUIRE = option(
     "certified|extremal|gap:X",
-    "Condition on the motion besides usable, else exit code 4: certified, extremal, or proven to be at most X above "
-    "the least time, such as gap:0.5% or gap:0.005. May be given again.",
+    "Condition on the motion besides usable, else exit code 4: extremal (locally optimal), gap:X (proven to be at "
+    "most X above the least time, as gap:0.5% or gap:0.005), or certified (extremal, or gap:0.1%). May be given again.",
     rich_help_panel=TASK,
 )
 

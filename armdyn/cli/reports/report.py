@@ -100,7 +100,7 @@ def replay(
 ) -> Answer:
     """One self-contained HTML page in which the robot moves; several files move side by side.
 
-    If a result.json lies next to a motion, the page shows its verdict, such as certified or not, and its obstacles
+    If a result.json lies next to a motion, the page shows its verdict, such as locally optimal, and its obstacles
     around the arm.
 
     [dim]armdyn replay rr results/mintime-rr/trajectory.npz results/pid-rr/trajectory.npz --payload 0.1006[/]

@@ -18,6 +18,7 @@ from armdyn.cli.options.results import FigureOptions
 from armdyn.files import csv_text, write_whole
 from armdyn.optimal.answer.solution import reserve_summary
 from armdyn.optimal.problem.status import stopping
+from armdyn.reprs import percent
 from armdyn.show.results import save_results
 from armdyn.studies.continuation import chain
 from armdyn.studies.executor import in_process
@@ -27,7 +28,7 @@ from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, motion_from
 
 ROWS = "payloads.sqlite"
 """Rows, of a name of their own: those of other payloads are replaced, those of a study file in the same folder stay."""
-_SAME = ("certified", "gap", "ms_per_gram", "limited_most_by", "ms_saved_by_one_per_cent")
+_SAME = ("certified", "extremal", "gap", "gap_proven", "ms_per_gram", "limited_most_by", "ms_saved_by_one_per_cent")
 """Facts of the study's row that are columns of the table."""
 
 
@@ -158,15 +159,17 @@ def _table(name: str, rows: Sequence[Mapping[str, Any]]) -> Shown:
     cells = []
     for row in rows:
         gram, most, saved = row["ms_per_gram"], row["limited_most_by"], row["ms_saved_by_one_per_cent"]
+        claims = ["locally"] * row["extremal"]
+        claims += [f"within {percent(max(row['gap'], 0.0))}"] if row["gap_proven"] else []
         cells.append(
             (
                 f"{1e3 * row['payload_kg']:g} g",
                 f"{row['duration_s']:.6f} s" if row["success"] else "-",
-                "yes" if row["certified"] else "no",
+                ", ".join(claims) or "not proven",
                 "-" if gram is None else f"{gram:.3f} ms",
                 "-" if most is None else str(most),
                 "-" if saved is None else f"{saved:.2f} ms",
             )
         )
-    heads = (">payload", ">minimum time", "certified", ">1 g costs", "limited most by", ">1 % saves")
+    heads = (">payload", ">minimum time", "optimal", ">1 g costs", "limited most by", ">1 % saves")
     return table(f"{name}: minimum time over payload", heads, cells)

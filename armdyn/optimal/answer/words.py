@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import Certificate
-from armdyn.reprs import gap_words, joint_unit, joints_of, optimality_words, percent, saving_words, short_time
+from armdyn.reprs import gap_words, joint_unit, joints_of, percent, saving_words, short_time
 
 if TYPE_CHECKING:
     from armdyn.optimal.answer.solution import Solution
@@ -24,9 +24,7 @@ def verdict(solution: Solution) -> str:
     """Verdict on a motion's optimality, in a few words."""
     if not solution.usable:
         return "reaches the goal, but cannot stay there" if solution.certified else "not usable"
-    gap = solution.gap if solution.gap_proven else None
-    torques = "without torques" if solution.problem.kinematic else ""
-    return ", ".join(filter(None, (optimality_words(solution.certificate.extremal, gap), torques)))
+    return solution.certificate.claims + (", without torques" if solution.problem.kinematic else "")
 
 
 Check = tuple[str, bool | None, str]

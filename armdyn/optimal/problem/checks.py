@@ -78,7 +78,7 @@ def check_way(robot: Robot, x_start: Array, x_goal: Array) -> None:
         unit = joint_unit(robot.slides[[joint]])
         raise ProblemError(
             f"start and goal are {way[joint]:.3g} {unit} apart (joint {robot.joint_names[joint]!r}), less than the "
-            f"{LEAST_WAY:g} {unit} to which the end of a motion is certified: no motion is needed"
+            f"{LEAST_WAY:g} {unit} to which the end of a motion is checked: no motion is needed"
         )
 
 

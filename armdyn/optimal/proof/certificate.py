@@ -22,7 +22,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.proof.pontryagin import idle_joints, pontryagin
 from armdyn.optimal.task.options import REPLAY_TOLERANCE
-from armdyn.reprs import brief, joint_unit, percent
+from armdyn.reprs import brief, joint_unit, optimality_words, percent
 from armdyn.trajectory import Trajectory
 
 GOAL_TOLERANCE = LEAST_WAY
@@ -184,6 +184,11 @@ class Certificate:
         """Whether the motion is certified: usable, and extremal or with a gap of at most `GAP_TOLERANCE`."""
         near = self.gap is not None and self.gap_proven and self.gap <= GAP_TOLERANCE
         return self.usable and (self.extremal or near)
+
+    @property
+    def claims(self) -> str:
+        """Claims on the motion's optimality in words: locally optimal (Pontryagin), proven within x %."""
+        return optimality_words(self.extremal, self.gap if self.gap_proven else None)
 
     @property
     def reasons(self) -> tuple[str, ...]:

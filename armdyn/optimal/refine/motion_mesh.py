@@ -344,7 +344,9 @@ def _judged(task: Task, attempt: Attempt, remark: str) -> _Judged | None:
     certificate, saving = found.certificate, np.inf if costates is None else costates.saving
     if costates is not None and saving > SAVING_TOLERANCE:
         most = f"a small change may save up to {percent(saving)} of its time"
-        certificate = replace(certificate, remark=f"{most}; at most {percent(SAVING_TOLERANCE)} is certified")
+        certificate = replace(
+            certificate, remark=f"{most}; at most {percent(SAVING_TOLERANCE)} counts as locally optimal"
+        )
     elif costates is not None:
         certificate = replace(
             certificate,

@@ -66,7 +66,7 @@ class PaperFigure:
                     if times
                 ]
                 if not outcome.facts.get("certified", True):
-                    parts.append(f"Not certified: {outcome.facts['why_not_certified']}.")
+                    parts.append(f"Not proven optimal: {outcome.facts['why_not_certified']}.")
             if outcome.case.variant == "printed" and outcome.trajectory is not None:
                 traits = Traits.of(outcome.trajectory, outcome.case.q_goal)
                 fastest = max(abs(v) for pair in traits.velocity for v in pair)

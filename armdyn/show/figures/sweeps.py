@@ -9,6 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from armdyn.arrays import Array, Flags
+from armdyn.optimal.proof.certificate import GAP_TOLERANCE
+from armdyn.reprs import percent
 from armdyn.show.figures.style import COLORS, INK, LOOK, literal, one_panel
 
 Row = Mapping[str, Any]
@@ -24,6 +26,7 @@ _MOST, _FAR = 0.9, 3.0
 """Upper quantile of a map's colours, and the ratio of the ranges above which it replaces the largest number."""
 _REACH = 0.3
 """A tangent goes this part of the way to the neighbouring payloads."""
+_CERTIFIED = f"locally optimal, or proven within {percent(GAP_TOLERANCE)}"
 _TICKED = 8
 """Most rows or columns of a map with a tick each."""
 
@@ -213,7 +216,7 @@ def plot_sweep(rows: Sequence[dict[str, Any]], title: str | None = None) -> Figu
     certified = np.array([row["certified"] for row in landed], dtype=bool)
     figure, axes = one_panel(title, height=4.2)
     axes.plot(grams, times, color=COLORS[0], linewidth=1, alpha=0.5)
-    for of, face, word in ((certified, COLORS[0], "certified"), (~certified, "white", "usable, not certified")):
+    for of, face, word in ((certified, COLORS[0], _CERTIFIED), (~certified, "white", "usable, neither")):
         if np.any(of):
             axes.plot(grams[of], times[of], "o", color=COLORS[0], markerfacecolor=face, label=word, zorder=3)
     slope: str | None = r"slope $\partial t_f/\partial m$ of the multipliers"

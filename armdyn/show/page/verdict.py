@@ -114,11 +114,15 @@ def seconds(time: float | None) -> str:
 def _of_minimum_time(facts: Facts) -> Verdict:
     found, usable, certified = facts.number("duration") is not None, facts.true("usable"), facts.true("certified")
     level: Level = "bad" if not usable else "good" if certified else "fair"
-    claim = optimality_words(facts.true("extremal"), facts.number("gap") if facts.true("gap_proven") else None)
-    headline = f"Executable, {claim}"
+    headline = f"Executable, {_claims(facts)}"
     if not usable:
         headline = "Not executable" if found else "No motion found"
     return Verdict(level, headline, facts.text("assessment"), _checks(facts), tuple(facts.texts("what_to_do")))
+
+
+def _claims(facts: Facts) -> str:
+    """Claims on the optimality of the fastest motion found."""
+    return optimality_words(facts.true("extremal"), facts.number("gap") if facts.true("gap_proven") else None)
 
 
 def _of_cycle(facts: Facts) -> Verdict:
@@ -203,7 +207,11 @@ def _of_planned(facts: Facts) -> Verdict:
     ratio, feasible = facts.number("ratio"), facts.true("feasible")
     checks: list[tuple[str, bool | None, str]] = [
         *_possible(facts),
-        ("the fastest is certified", facts.true("certified"), f"it takes {seconds(facts.number('optimal_duration'))}"),
+        (
+            "the fastest motion",
+            facts.true("certified"),
+            f"{seconds(facts.number('optimal_duration'))}: {_claims(facts)}",
+        ),
     ]
     found = "no fastest motion was found" if ratio is None else f"takes {ratio:.4g} times as long as the fastest"
     headline = f"{'Keeps' if feasible else 'Breaks'} its limits, {found}"

@@ -102,6 +102,13 @@ def test_verdicts_of_loops_and_of_planners(facts, level, headline):
     assert (verdict.level, verdict.headline) == (level, headline)
 
 
+def test_the_claim_on_the_fastest_motion_is_named():
+    facts = {"optimal_duration": 0.2, "ratio": 2.5, "feasible": True, "certified": True, "extremal": True}
+    near = facts | {"extremal": False, "gap": 5e-4, "gap_proven": True}
+    for each, claim in ((facts, "locally optimal (Pontryagin)"), (near, "proven within 0.05 % of the fastest")):
+        assert verdict_of(Facts(each)).checks[-1] == ("the fastest motion", True, f"0.2000 s: {claim}")
+
+
 def test_a_number_has_the_same_digits_everywhere():
     robot, move = judged()
     loop = {"arrival_rule": "last_entry_first_joint", "arrival_time": 4.5535}
