@@ -6,9 +6,10 @@ import warnings
 from dataclasses import replace
 from inspect import signature
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import armdyn as ad
-from armdyn.arguments import one_of, shown
+from armdyn.arguments import one_of
 from armdyn.cli.console import Answer, done, escape, judged
 from armdyn.cli.invocation import flag_of, is_given
 from armdyn.cli.motion.check import check_shown
@@ -20,6 +21,9 @@ from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.files import write_whole
 from armdyn.trajectory.formats import FORMATS, Mujoco, OutputFormat, Ros2
 from armdyn.trajectory.formats.streams import Stream
+
+if TYPE_CHECKING:
+    from armdyn.cli.reports.saved import Saved
 
 KINDS = "|".join(FORMATS)
 _ABOUT_KINDS = " ".join(f"{name}: {kind.summary}." for name, kind in FORMATS.items())
@@ -51,19 +55,21 @@ class RowOptions:
         named = [kind for kind in FORMATS.values() if kind.suffix in (own, ALIKE.get(own))]
         return named[0] if len(named) == 1 else FORMATS[one_of(self.format, tuple(FORMATS), "--format")]
 
-    def motion(self, file: Path) -> ad.Trajectory:
-        """The motion of a file, or the piece of a number.
+    def read(self, file: Path) -> tuple[Saved, ad.Trajectory]:
+        """The motion of a file with its result, and the part of it to write: all, or the piece of a number.
 
         Raises:
             ArmdynError: it is no file of armdyn's, or there is no piece of that number.
         """
         if file.suffix.lower() != ".npz":
             raise ProblemError(f"{file} is no .npz file; armdyn export takes the trajectory.npz that armdyn wrote")
-        motion = ad.Trajectory.load(file)
-        count = len(motion.own_pieces)
+        from armdyn.cli.reports.saved import read_saved
+
+        saved = read_saved(file)
+        count = len(saved.motion.own_pieces)
         if self.piece is not None and not 1 <= self.piece <= count:
             raise ProblemError(f"--piece is {self.piece}; the motion has {count} piece{'s' if count > 1 else ''}")
-        return motion if self.piece is None else motion.split()[self.piece - 1]
+        return saved, saved.motion if self.piece is None else saved.motion.split()[self.piece - 1]
 
     def target(self, file: Path) -> Path:
         """The written file.
@@ -155,24 +161,22 @@ class ModelOptions:
                 "--robot, --no-geometry, --no-feedback, --lock, --arm, --tool and --package-dir need --model"
             )
 
-    def content(self, file: Path, motion: ad.Trajectory, samples: ad.Samples, motors: bool) -> str:
-        """The model of the arm of a motion's file, with the samples of the motion, or of a piece, as keyframes.
+    def content(self, saved: Saved, motion: ad.Trajectory, samples: ad.Samples, motors: bool) -> str:
+        """The model of the arm of a saved motion, with the samples of the motion, or of a piece, as keyframes.
 
         Raises:
             ArmdynError: the arm cannot be read, or another one moved.
         """
-        from armdyn.cli.reports.saved import read_saved
         from armdyn.cli.reports.subject import SubjectSpec, subject_of
         from armdyn.models.robots.loads import is_motion_of, robots_of
 
-        saved = read_saved(file)
         arm = subject_of(saved, SubjectSpec(robot=self.robot, part=self.part)).robot
         if arm is None:
-            raise ProblemError(f"--model: the arm of {file} was not found; give --robot")
+            raise ProblemError(f"--model: the arm of {saved.path} was not found; give --robot")
         if saved.motion.model_hashes and not is_motion_of(arm, saved.motion):
             raise ProblemError(
-                f"--model: {file} is a motion of another arm, payload or friction than {arm.name}; its result's folder "
-                "knows which, or name the robot with the --lock, --arm and --tool of its run"
+                f"--model: {saved.path} is a motion of another arm, payload or friction than {arm.name}; its result's "
+                "folder knows which, or name the robot with the --lock, --arm and --tool of its run"
             )
         return ad.mujoco_model(
             robots_of(arm, motion)[0], samples, geometry=self.geometry, motors=motors, feedback=self.feedback
@@ -219,29 +223,30 @@ def export(
     armdyn export results/trajectory.npz --format urscript --payload 2.5 --payload-com 0,0,0.08
     armdyn export results/trajectory.npz --format panda-python --preset franka-panda[/]
     """
-    from armdyn.cli.sampling import check_rows, sampled, subject_of_file, usual_rate
+    from armdyn.cli.sampling import check_rows, preset_of, sampled, subject_in, usual_rate, with_holding_torque
 
     kind = rows.kind
     output_format = fields.fill(kind)
     mujoco.expect_format(kind)
     if kind is Mujoco and controller.read() is not None:
         raise ProblemError("--preset checks commands for a controller; the format mujoco has none")
-    motion, target = rows.motion(file), rows.target(file)
+    (saved, motion), target = rows.read(file), rows.target(file)
     powered = bool(motion.tau.any())
     if isinstance(output_format, Ros2) and not powered:
         output_format, fields = replace(output_format, effort=False), replace(fields, effort=False)
-    preset = None if kind is Mujoco else preset_of(file, controller)
+    preset = None if kind is Mujoco else preset_of(saved, controller)
     default_rate = _MODEL_RATE if mujoco.model else usual_rate(kind)
     default_rate = default_rate if preset is None else preset.chosen.rate
-    subject = subject_of_file(file) if kind is Ros2 else None
+    subject = subject_in(saved, kind)
     made = sampled(output_format, motion, rows.rate, default_rate, subject, strict=fields.tolerance is not None)
     samples, facts = made.samples, made.facts()
     if preset is None and isinstance(output_format, Stream):
         output_format.check_arm(samples)
+    if made.broken and kind is Ros2:
+        facts |= {"success": False, "status": "refused", "message": f"not written: {made.broken}"}
+        return judged(facts, f"[red]refused[/], not written: {escape(made.broken)}", usable=False)
     if made.broken:
-        more = f"; --rate {made.enough:g} would do" if made.enough else ""
-        facts |= {"success": False, "status": "refused", "message": f"not written: {made.broken}{more}"}
-        return judged(facts, f"[red]refused[/], not written: {escape(made.broken + more)}", usable=False)
+        warnings.warn(f"{target.name}: {made.broken}", ArmdynWarning, stacklevel=2)
     if preset is not None and subject is not None:
         preset = preset.fitted(subject.limits, subject.joints)
     found = None if preset is None else check_rows(preset, samples, kind)
@@ -251,12 +256,12 @@ def export(
         facts |= {"success": False, "status": "refused", "message": f"not written: {found}"}
         return judged(facts, *check_shown(found, target.name), more, usable=False)
     said = made.said()
-    if subject is not None:
+    if subject is not None and kind is Ros2:
         samples, facts["holds"] = with_holding_torque(samples, subject.robot, motion)
         unheld = _UNHELD if powered else "without efforts, since the motion has no torques"
         said += [] if facts["holds"] and powered else [unheld]
         said += [_EFFORT] if fields.effort else []
-    content = mujoco.content(file, motion, samples, fields.motors) if mujoco.model else output_format.text(samples)
+    content = mujoco.content(saved, motion, samples, fields.motors) if mujoco.model else output_format.text(samples)
     target.parent.mkdir(parents=True, exist_ok=True)
     write_whole(target, content.encode())
     facts |= {"format": kind.name, "samples": samples.t.size, "duration": motion.duration}
@@ -271,36 +276,3 @@ def export(
 
 _UNHELD = "the last effort is not the torque that holds the arm: no result next to the file says the arm"
 _EFFORT = "a controller without an effort command interface refuses points with efforts: --no-effort leaves them out"
-
-
-def preset_of(file: Path, given: PresetOptions) -> ad.ControllerPreset | None:
-    """The preset of the options, or else the built-in one under which the motion of a file was planned."""
-    chosen, result = given.read(), file.parent / "result.json"
-    if chosen is not None or file.name != "trajectory.npz" or not result.is_file():
-        return chosen
-    from armdyn.show.results import load_result
-
-    planned = load_result(result).get("controller")
-    name, interface = (planned.get(key) for key in ("preset", "interface")) if isinstance(planned, dict) else ("", "")
-    if name and name not in ad.ControllerPreset.names():
-        note = f"the motion was planned under a preset of your own, {shown(name)}: not checked; give --preset its file"
-        warnings.warn(note, ad.ArmdynWarning, stacklevel=2)
-    return ad.ControllerPreset.named(name, str(interface)) if name in ad.ControllerPreset.names() else None
-
-
-def with_holding_torque(samples: ad.Samples, arm: ad.Robot | None, motion: ad.Trajectory) -> tuple[ad.Samples, bool]:
-    """Samples whose last torques hold the arm where the motion ends, and whether they do: the arm must be known.
-
-    Args:
-        samples: of the motion; ros2_control repeats their last row for good.
-        arm: that moved; None: unknown.
-        motion: the motion.
-    """
-    import numpy as np
-
-    from armdyn.models.robots.loads import is_motion_of, robots_of
-
-    if arm is None or not arm.has_dynamics or not is_motion_of(arm, motion):
-        return samples, False
-    torque = robots_of(arm, motion)[-1].holding_torque(samples.q[-1])
-    return replace(samples, tau=np.vstack([samples.tau[:-1], torque])), True

@@ -10,22 +10,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import armdyn as ad
+from armdyn.arguments import shown
 from armdyn.cli.console import escape
-from armdyn.errors import TrajectoryError
+from armdyn.cli.reports.saved import Saved, read_saved
+from armdyn.cli.reports.subject import SubjectSpec, bare_subject, subject_of
+from armdyn.errors import ArmdynWarning, TrajectoryError
+from armdyn.models.presets.check import ALONG, ConditionCheck, check_table
+from armdyn.models.robots.loads import is_motion_of, robots_of
 from armdyn.parsing.numbers import number
-from armdyn.trajectory.formats import OutputFormat, Ros2
+from armdyn.trajectory.formats import CsvTable, OutputFormat, Ros2
 from armdyn.trajectory.formats.streams import Stream
-from armdyn.trajectory.planned import Planned
 from armdyn.trajectory.samples import LAST_STEP, MOST_RATE, MOST_SAMPLES
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from armdyn.models.presets.check import ConditionCheck
+    from armdyn.cli.options.path_constraints import PresetOptions
     from armdyn.show.page.motions import Subject
-
-LIMITS = ("position", "velocity")
-"""Conditions that depend on the rate of the rows."""
 
 _OVER = 1e-4
 """Part of a limit by which the spline may exceed it where the motion does not: a tenth of what checks tolerate."""
@@ -57,8 +56,9 @@ class Rows:
 
     @property
     def broken(self) -> str:
-        """What ros2_control's spline would break, in words; empty: nothing."""
-        return self.over or self.off
+        """What ros2_control's spline would break, and at which rate it would not, in words; empty: nothing."""
+        more = f"; --rate {self.enough:g} would do" if self.enough else ""
+        return (self.over or self.off) and (self.over or self.off) + more
 
     def facts(self) -> dict[str, object]:
         """The rows for JSON."""
@@ -72,17 +72,16 @@ class Rows:
         if self.check is None:
             return []
         lines = [f"[yellow]rate raised[/]: {escape(self.raised)}"] if self.raised else []
-        kept = {row.condition for row in self.check.rows if row.condition in LIMITS}
-        limits = ", and within the arm's limits" if kept else "; the arm's limits are not known"
+        known = any(row.condition in ALONG for row in self.check.rows)
+        limits = ", and within the arm's limits" if known else "; the arm's limits are not known"
         off = f"at most {self.deviation:.2g} rad or m off the motion"
         lines.append(f"ros2_control's spline between the points is {off}{limits}")
-        for row in self.check.offences:
-            if row.condition == "end_velocity":
-                need = "ros2_control takes it with allow_nonzero_velocity_at_trajectory_end: true"
-                lines.append(f"[yellow]ends in motion[/], {escape(row.joint)} at {row.value:.3g} {row.unit}: {need}")
-                break
-        beyond = [row for row in self.check.offences if row.condition in LIMITS]
-        lines += [f"[yellow]the motion itself exceeds a limit[/]: {escape(str(beyond[0]))}"] if beyond else []
+        need = "ros2_control takes it with allow_nonzero_velocity_at_trajectory_end: true"
+        first = {row.condition: row for row in reversed(self.check.offences)}
+        if row := first.get("end_velocity"):
+            lines.append(f"[yellow]ends in motion[/], {escape(row.joint)} at {row.value:.3g} {row.unit}: {need}")
+        if row := next((row for row in self.check.offences if row.condition in ALONG), None):
+            lines.append(f"[yellow]the motion itself exceeds a limit[/]: {escape(str(row))}")
         return lines
 
 
@@ -97,48 +96,53 @@ def sampled(
     """Rows at a rate, which is doubled until ros2_control's spline between them breaks nothing.
 
     Args:
-        output_format: the format; only of `Ros2` there is a spline.
+        output_format: the format: the rate of `Ros2` is raised; of a table it is found and said; others have no spline.
         motion: the motion.
         rate: value of --rate.
         default_rate: rate without --rate [Hz].
-        arm: whose limits hold, for `Ros2`.
+        arm: whose limits hold, for `Ros2` and tables.
         strict: whether --rate must not be raised.
 
     Raises:
         TrajectoryError: the spline is too far off the motion, and the rate must not be raised.
     """
     wish = default_rate if rate is None else number(rate, "--rate") if rate.strip() != "own" else None
-    least = output_format.least if isinstance(output_format, Ros2) else LAST_STEP
-    made = Rows(motion.resample(wish, least), wish)
-    if not isinstance(output_format, Ros2) or arm is None:
-        return made
-    jtc = ad.ControllerPreset.named("ros2-jtc").fitted(arm.limits, arm.joints)
-    few = replace(jtc.chosen, rate=min(jtc.chosen.rate, MOST_SAMPLES / motion.duration))  # of ticks
-    jtc = replace(jtc, interfaces=(few,))
+    message = output_format if isinstance(output_format, Ros2) else None
+    least = message.least if message else LAST_STEP
+    if arm is None or not isinstance(output_format, Ros2 | CsvTable):
+        return Rows(motion.resample(wish, least), wish)
     apart = np.append(True, ~motion.jumps)
-    own = jtc.check(Planned(motion.t[apart], motion.q[apart], motion.v[apart]), arm.joints)
-    most = {(row.condition, row.joint): max(row.share, 1.0) + _OVER for row in own.rows}
+    own = check_table(arm.limits, arm.joints, motion.t[apart], [motion.q[apart], motion.v[apart]])
+    most = {(row.condition, row.joint): max(row.share, 1.0) + _OVER for row in own}
 
-    def judged(rows: Rows) -> Rows:
-        check = jtc.check(rows.samples, arm.joints)
-        over = [row for row in check.rows if row.condition in LIMITS and row.share > most[row.condition, row.joint]]
-        rows = replace(rows, check=check, over=_said(max(over, key=attrgetter("share"))) if over else "")
+    def judged(rate: float | None) -> Rows:
+        samples, deviation, off = motion.resample(rate, least), None, ""
+        rows = check_table(arm.limits, arm.joints, samples.t, [samples.q, samples.v, samples.a])
+        over = [row for row in rows if row.share > most[row.condition, row.joint]]
         try:
-            return replace(rows, deviation=output_format.deviation(rows.samples, motion))
+            deviation = message.deviation(samples, motion) if message else None
         except TrajectoryError as error:
-            return replace(rows, off=str(error))
+            off = str(error)
+        return Rows(samples, rate, deviation, over=_said(max(over, key=attrgetter("share"))) if over else "", off=off)
 
-    first = better = judged(made)
+    first = better = judged(wish)
     ticks = default_rate / 2 if wish is None else wish
     while better.broken and 2 * ticks <= MOST_RATE and 2 * ticks * motion.duration < MOST_SAMPLES:
         ticks *= 2
-        better = judged(Rows(motion.resample(ticks, least), ticks))
+        better = judged(ticks)
     enough = None if better.broken else better.rate
-    if not first.broken or (enough and wish is not None and not (strict and rate is not None)):
-        return replace(better, raised=first.broken)
-    if not first.over:
-        raise TrajectoryError(first.off + (f"; a rate of {enough:g} Hz would do" if enough else ""))
-    return replace(first, enough=enough)
+    fixed = message is None or wish is None or (strict and rate is not None)
+    if first.broken and (fixed or not enough):
+        if not first.over:
+            raise TrajectoryError(first.off + (f"; a rate of {enough:g} Hz would do" if enough else ""))
+        made = replace(first, enough=enough)
+    else:
+        made = replace(better, raised=first.broken)
+    if message is None:
+        return made
+    jtc = ad.ControllerPreset.named("ros2-jtc").fitted(arm.limits, arm.joints)
+    few = replace(jtc.chosen, rate=min(jtc.chosen.rate, MOST_SAMPLES / motion.duration))  # of ticks
+    return replace(made, check=replace(jtc, interfaces=(few,)).check(made.samples, arm.joints))
 
 
 def _said(row: ConditionCheck) -> str:
@@ -165,13 +169,41 @@ def check_rows(preset: ad.ControllerPreset, samples: ad.Samples, kind: type[Outp
     return preset.check(ad.Trajectory(t, q, v, tau, samples.joint_names, hold="zero-order"))
 
 
-def subject_of_file(file: Path) -> Subject:
-    """The arm of a motion's file, as far as a result next to it says it: limits are infinite where unknown."""
-    from armdyn.cli.reports.saved import read_saved
-    from armdyn.cli.reports.subject import SubjectSpec, subject_of
-
-    beside = file.with_name("result.json")
-    saved = read_saved(file.parent if file.name == "reference.npz" and beside.is_file() else file)
+def subject_in(saved: Saved, kind: type[OutputFormat]) -> Subject | None:
+    """The arm of a motion, as far as a result next to it says it; None for formats without a spline between rows."""
+    beside = saved.path.with_name("result.json")
+    if saved.path.name == "reference.npz" and beside.is_file():
+        saved = replace(read_saved(beside), motion=saved.motion)
+    if kind is CsvTable:
+        return bare_subject(saved)
+    if kind is not Ros2:
+        return None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of an arm that is not drawn
         return subject_of(saved, SubjectSpec())
+
+
+def preset_of(saved: Saved, given: PresetOptions) -> ad.ControllerPreset | None:
+    """The preset of the options, or else the built-in one under which a motion was planned."""
+    if (chosen := given.read()) is not None:
+        return chosen
+    planned = saved.facts.part("controller")
+    name, known = planned.text("preset"), ad.ControllerPreset.names()
+    if name and name not in known:
+        note = f"the motion was planned under a preset of your own, {shown(name)}: not checked; give --preset its file"
+        warnings.warn(note, ArmdynWarning, stacklevel=2)
+    return ad.ControllerPreset.named(name, planned.text("interface")) if name in known else None
+
+
+def with_holding_torque(samples: ad.Samples, arm: ad.Robot | None, motion: ad.Trajectory) -> tuple[ad.Samples, bool]:
+    """Samples whose last torques hold the arm where the motion ends, and whether they do: the arm must be known.
+
+    Args:
+        samples: of the motion; ros2_control repeats their last row for good.
+        arm: that moved; None: unknown.
+        motion: the motion.
+    """
+    if arm is None or not arm.has_dynamics or not is_motion_of(arm, motion):
+        return samples, False
+    torque = robots_of(arm, motion)[-1].holding_torque(samples.q[-1])
+    return replace(samples, tau=np.vstack([samples.tau[:-1], torque])), True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,12 +14,13 @@ from armdyn.arrays import Array
 from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.errors import TrajectoryError
 from armdyn.files import attributes
+from armdyn.models.presets.check import ConditionCheck, check_table
 from armdyn.models.robots.loads import robots_of
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.arcs.arc import runs_of
-from armdyn.optimal.landing.limit_violations import proven, table_excesses, worst_of
+from armdyn.optimal.landing.limit_violations import proven, torque_excess
 from armdyn.optimal.landing.rollout import Segments, expect_motion_of, replay_torques
 from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -110,20 +112,40 @@ def check_motion(
     """
     _check_joints(robot, trajectory)
     limits = robot.limits if limits is None else limits
-    torque, *others = table_excesses(limits, trajectory, None if a is None else _accelerations(a, trajectory))
+    rows = _table_rows(robot, trajectory, limits, None if a is None else _accelerations(a, trajectory))
+    torque = torque_excess(limits, trajectory)
     shown = proven(robot, trajectory, torque)
-    violation, bounded = worst_of(robot, [shown, *others]), np.isfinite(limits.velocity)
-    share = others[0].beyond[:, bounded] / limits.velocity[bounded]
+    found = [shown.worst(robot)] if shown.share > 0 else []
+    found += [_violation(robot, row) for row in rows if row.share > 1]
+    violation = max(found, key=attrgetter("value"), default=None)
     parts = [replace(part, pieces=()) for part in trajectory.split()]
     replays = list(zip(robots_of(robot, trajectory), parts, strict=True)) if robot.has_dynamics else []
     return MotionCheck(
         feasible=violation is None or violation.value <= KEPT,
         worst_violation=violation,
-        unresolved=worst_of(robot, [torque]) if shown.share <= KEPT < torque.share else None,
+        unresolved=torque.worst(robot) if shown.share <= KEPT < torque.share else None,
         replay_error=max((_replay_error(arm, part) for arm, part in replays), default=np.nan),
         growth=max((_growth(arm, part) for arm, part in replays), default=np.nan),
-        velocity_share=1 + float(np.max(share)) if share.size else 0.0,
+        velocity_share=max((row.share for row in rows if row.condition == "velocity"), default=0.0),
     )
+
+
+def _table_rows(robot: Robot, motion: Trajectory, limits: JointLimits, a: Array | None) -> tuple[ConditionCheck, ...]:
+    """Check of a motion's rows as a controller runs them.
+
+    Derived velocities are not given to the controller, which then goes straight from row to row; of the two samples of
+    a jump the first is a row.
+    """
+    kept = np.append(True, ~motion.jumps)
+    given = [motion.q] if "v" in motion.derived else [motion.q, motion.v] if a is None else [motion.q, motion.v, a]
+    return check_table(limits, robot.joint_names, motion.t[kept], [each[kept] for each in given])
+
+
+def _violation(robot: Robot, row: ConditionCheck) -> Violation:
+    beyond = abs(row.value) - row.limit if row.condition == "velocity" else abs(row.value - row.limit)
+    slides = robot.slides[robot.joint_names.index(row.joint)]
+    unit = row.unit.replace("rad", "m") if slides else row.unit
+    return Violation(f"{row.condition} limit", row.joint, row.time, row.share - 1, f"{beyond:.3g} {unit}")
 
 
 def _accelerations(a: ArrayLike, motion: Trajectory) -> Array:

@@ -5,7 +5,8 @@ https://docs.ros.org/en/rolling/p/trajectory_msgs/msg/JointTrajectory.html
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from armdyn.errors import ProblemError, TrajectoryError, reraised
 from armdyn.files import read_bounded
 from armdyn.parsing.numbers import to_number
 from armdyn.parsing.yaml_text import read_yaml
-from armdyn.trajectory.tables import check_times
+from armdyn.trajectory.formats.ros2 import HELD
 
 SUFFIXES = (".json", ".yaml", ".yml")
 
@@ -31,48 +32,59 @@ _INSIDE = ("trajectory", "joint_trajectory", "goal")
 _USAGE = "a JointTrajectory has joint_names, and points with positions and time_from_start"
 
 
-def read_message(file: Path, joints: Sequence[str]) -> dict[str, Array]:
-    """Read the motion of a message: t [s], shape (n,); q, and perhaps v, a, tau, each of shape (n, nv).
+@dataclass(frozen=True)
+class Content:
+    """Parsed content of a motion's file.
 
-    The message's joints may come in any order; other joints than the robot's, such as a gripper's, are left out. The
-    content is parsed as JSON, else as YAML, as `ros2 topic echo --once` prints it.
+    Attributes:
+        names: of its joints, or of all columns.
+        columns: from the robot's joints to t [s], shape (n,); q, and perhaps v, a, tau, each of shape (n, nv).
+        called: name of a sample by its index, as the user counts it.
+        held: torques are means until the next row.
+        only_joints: `names` are joints, in their order.
+    """
+
+    names: Sequence[str]
+    columns: Callable[[Sequence[str]], dict[str, Array]]
+    called: Callable[[int], str]
+    held: bool = False
+    only_joints: bool = False
+
+
+def read_message(file: Path) -> Content:
+    """Read a message: its joints may come in any order; others than the robot's, such as a gripper's, are left out.
+
+    The content is parsed as JSON, else as YAML, as `ros2 topic echo --once` prints it.
 
     Args:
         file: .json, .yaml or .yml.
-        joints: names of the robot's, in its order.
 
     Raises:
         FileError: the file cannot be read.
-        TrajectoryError: it is no message, or one of another robot.
+        TrajectoryError: it is no message; of its columns: one of another robot.
     """
     message = _message(file, _content(file))
-    names, points = _names(file, message), message.get("points")
-    if not isinstance(points, list) or len(points) < 2:
-        count = len(points) if isinstance(points, list) else shown(points)
-        raise TrajectoryError(f"{file}: points: {count}; a motion has two or more")
-    order = _order(file, names, joints)
-    for k, point in enumerate(points):
-        if not isinstance(point, Mapping):
-            raise TrajectoryError(f"{file}: points[{k}] is {shown(point)}; {_USAGE}")
-    found = {"t": np.array([_stamp(file, k, point.get("time_from_start")) for k, point in enumerate(points)])}
-    for kind, what in _KINDS.items():
-        if (columns := _columns(file, kind, points, len(names))) is not None:
-            found[what] = columns[:, order]
-    with reraised(TrajectoryError, str(file)):
-        check_times(found["t"], [array for what, array in found.items() if what != "t"], "points[{}]".format)
-    return found
-
-
-def names_in(file: Path) -> list[str]:
-    """Names of a message's joints; see `read_message`."""
-    return _names(file, _message(file, _content(file)))
-
-
-def _names(file: Path, message: Mapping[Any, Any]) -> list[str]:
-    names = message.get("joint_names")
+    names, header = message.get("joint_names"), message.get("header")
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names) or not names:
         raise TrajectoryError(f"{file}: joint_names is {shown(names)}; it must be a list of names")
-    return names
+    held = isinstance(header, Mapping) and header.get("frame_id") == HELD
+
+    def columns(joints: Sequence[str]) -> dict[str, Array]:
+        points = message.get("points")
+        if not isinstance(points, list) or len(points) < 2:
+            count = len(points) if isinstance(points, list) else shown(points)
+            raise TrajectoryError(f"{file}: points: {count}; a motion has two or more")
+        order = _order(file, names, joints)
+        for k, point in enumerate(points):
+            if not isinstance(point, Mapping):
+                raise TrajectoryError(f"{file}: points[{k}] is {shown(point)}; {_USAGE}")
+        found = {"t": np.array([_stamp(file, k, point.get("time_from_start")) for k, point in enumerate(points)])}
+        for kind, what in _KINDS.items():
+            if (rows := _columns(file, kind, points, len(names))) is not None:
+                found[what] = rows[:, order]
+        return found
+
+    return Content(names, columns, "points[{}]".format, held, only_joints=True)
 
 
 def _content(file: Path) -> object:

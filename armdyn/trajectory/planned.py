@@ -16,12 +16,11 @@ import numpy as np
 from armdyn.arguments import path_of, shown
 from armdyn.arrays import Array
 from armdyn.errors import FileError, TrajectoryError, reraised
-from armdyn.files import read_bounded, read_text
+from armdyn.files import read_text
 from armdyn.parsing.numbers import to_number
 from armdyn.reprs import brief
 from armdyn.trajectory import messages, npz
 from armdyn.trajectory.formats.csv_table import PIECE_COLUMNS, UNITS
-from armdyn.trajectory.formats.ros2 import HELD
 from armdyn.trajectory.tables import check_columns, check_times
 from armdyn.trajectory.value import Hold
 
@@ -39,9 +38,6 @@ _NAMES = {
     "tau": "tau taus effort efforts torque torques u",
 }
 """Planners' names of time, positions, velocities, accelerations, torques; toppra's examples have ts_sample."""
-
-_HEADER = 4096
-"""Bytes of a message within which its header stands [bytes]."""
 
 _USAGE = "a table's first line is such as t,q1,q2,v1,v2; an npz has arrays t and q, and may have v, a, tau"
 
@@ -70,6 +66,7 @@ class Planned:
         a: joint accelerations [rad/s² or m/s²], shape (n, nv).
         tau: joint torques [N m or N], shape (n, nv).
         hold: torque between two samples, as of `Trajectory`.
+        joint_names: one name per column; empty: not known.
     """
 
     t: Array
@@ -78,6 +75,7 @@ class Planned:
     a: Array | None = None
     tau: Array | None = None
     hold: Hold = "linear"
+    joint_names: tuple[str, ...] = ()
 
     def accelerations(self) -> Array:
         """Accelerations [rad/s² or m/s²], shape (n, nv), by differences of velocities or positions.
@@ -97,7 +95,7 @@ class Planned:
         return np.vstack([inside[:1], inside, inside[-1:]])
 
 
-def read_planned(path: str | os.PathLike[str], joint_names: Sequence[str]) -> Planned:
+def read_planned(path: str | os.PathLike[str], joint_names: Sequence[str], *, ends: bool = False) -> Planned:
     """Read a motion from a file.
 
     A table's first line names its columns: the time, and q, v, a, tau of each joint, such as `t,q1,q2,v1,v2`,
@@ -109,54 +107,38 @@ def read_planned(path: str | os.PathLike[str], joint_names: Sequence[str]) -> Pl
     Args:
         path: of a file .csv, .tsv or .txt; .npz; or .json, .yaml or .yml.
         joint_names: of the robot, in its order.
+        ends: `joint_names` are ends of the file's names, "joint1" of "panda_joint1"; an end that no name has is kept.
+            Empty texts: any names, if the file has as many; nothing: all joints of a message.
 
     Raises:
         TrajectoryError: it cannot be read, has no times or positions, a joint is missing, times do not increase, or
-            columns are in different units: see `check_columns`.
+            columns are in different units: see `check_columns`; or two joints of the file end alike.
     """
     file = Path(path_of(path, "path of a motion", error=TrajectoryError))
     suffix = file.suffix.lower()
-    read = _arrays if suffix == ".npz" else messages.read_message if suffix in messages.SUFFIXES else _columns
+    read = _arrays if suffix == ".npz" else messages.read_message if suffix in messages.SUFFIXES else _table
     with reraised(TrajectoryError, "", FileError):
-        found = read(file, joint_names)
+        content = read(file)
+        joints = _by_ends(file, content, joint_names) if ends else tuple(joint_names)
+        found = content.columns(joints)
     missing = [what for what in ("t", "q") if what not in found]
     if missing:
-        joints = f" of {', '.join(joint_names)}" if "q" in missing else ""
-        raise TrajectoryError(f"{file}: there is no {' and no '.join(missing)}{joints}; {_USAGE}")
+        of = f" of {', '.join(joints)}" if "q" in missing else ""
+        raise TrajectoryError(f"{file}: there is no {' and no '.join(missing)}{of}; {_USAGE}")
     with reraised(TrajectoryError, str(file)):
+        check_times(found["t"], [array for what, array in found.items() if what != "t"], content.called)
         arrays = {what: npz.bounded(array, what) for what, array in found.items()}
-        check_times(arrays["t"], [array for what, array in arrays.items() if what != "t"])
-    check_columns(arrays["t"], (arrays["q"], arrays.get("v"), arrays.get("a")), joint_names, str(file))
-    return Planned(**arrays, hold="zero-order" if suffix != ".npz" and _is_own(file) else "linear")
+    check_columns(arrays["t"], (arrays["q"], arrays.get("v"), arrays.get("a")), joints, str(file))
+    return Planned(**arrays, hold="zero-order" if content.held else "linear", joint_names=joints)
 
 
-def _is_own(file: Path) -> bool:
-    """Whether torques are means until the next row, as of `CsvTable`, by their unit, and `Ros2`, by its header."""
-    with file.open("rb") as table:  # which has just been read: it is a file, and of bounded size
-        if file.suffix.lower() in messages.SUFFIXES:
-            return HELD.encode() in table.read(_HEADER)
-        return f"[{UNITS['tau']}]".encode() in table.readline(MAX_BYTES)
-
-
-def joint_names_in(path: str | os.PathLike[str], ends: Sequence[str]) -> tuple[str, ...]:
-    """Names of a file's joints with given ends, "panda_joint1" for "joint1"; an end that no name has is kept.
-
-    Args:
-        path: of a file that `read_planned` reads.
-        ends: of the names, in the order of the joints; empty texts: any names, if the file has as many; nothing: all
-            joints of a message.
-
-    Raises:
-        TrajectoryError: the file cannot be read, or two of its joints end alike.
-    """
-    file = Path(path_of(path, "path of a motion", error=TrajectoryError))
-    suffix = file.suffix.lower()
-    with reraised(TrajectoryError, "", FileError):
-        named = [] if suffix == ".npz" else messages.names_in(file) if suffix in messages.SUFFIXES else _bare(file)
-    if not ends and suffix in messages.SUFFIXES:
-        return tuple(named)
+def _by_ends(file: Path, content: messages.Content, ends: Sequence[str]) -> tuple[str, ...]:
+    """Names of a file's joints with given ends; see `read_planned`."""
+    named = content.names
     if not any(ends):
-        whole = suffix in messages.SUFFIXES and len(named) == len(ends)
+        whole = content.only_joints and len(ends) in (0, len(named))
+        if not (whole or ends):
+            raise TrajectoryError(f"{file}: its joints are not known; name the robot")
         return tuple(named) if whole else tuple(f"joint{i + 1}" for i in range(len(ends)))
     found = []
     for end in ends:
@@ -167,17 +149,7 @@ def joint_names_in(path: str | os.PathLike[str], ends: Sequence[str]) -> tuple[s
     return tuple(found)
 
 
-def _bare(file: Path) -> list[str]:
-    """Names in a table's first line, without units and quantities."""
-    head, _, _ = read_bounded(file, MAX_BYTES).decode("utf-8-sig", "replace").lstrip().partition("\n")
-    names = [match["name"] for name in re.split("[,;\t]", head) if (match := _HEAD.fullmatch(name.strip('# "\r')))]
-    parts = [name.partition("_") for name in names]
-    return [
-        rest if rest and first.lower() in _MEANS else name for name, (first, _, rest) in zip(names, parts, strict=True)
-    ]
-
-
-def _arrays(file: Path, joint_names: Sequence[str]) -> dict[str, Array]:
+def _arrays(file: Path) -> messages.Content:
     """Known arrays of an npz; their columns are the joints in the robot's order."""
     with npz.opened(file) as members:
         bare = [name.removesuffix(".npy") for name in members.namelist()]
@@ -191,11 +163,11 @@ def _arrays(file: Path, joint_names: Sequence[str]) -> dict[str, Array]:
             found[what] = array[:, None]
         elif array.ndim == 2 and what == "t" and 1 in array.shape:
             found[what] = array.ravel()
-    return found
+    return messages.Content([], lambda joints: found, "t[{}]".format)
 
 
-def _columns(file: Path, joint_names: Sequence[str]) -> dict[str, Array]:
-    """Columns of a table, by quantity."""
+def _table(file: Path) -> messages.Content:
+    """A table whose first line names its columns."""
     text = read_text(file, MAX_BYTES)
     head, _, _ = text.lstrip().partition("\n")
     between = max(",;\t", key=head.count)
@@ -213,11 +185,15 @@ def _columns(file: Path, joint_names: Sequence[str]) -> dict[str, Array]:
     else:
         raise TrajectoryError(f"{file}: its first line is numbers; {_USAGE}")
     table = _numbers(file, rows[1:], names)
-    found = _sorted(file, names, table, joint_names)
-    if "t" in found and "q" in found:
-        with reraised(TrajectoryError, str(file)):
-            check_times(found["t"], [table], lambda k: f"row {k + 1} (line {rows[k + 1][0]})")
-    return found
+    heads = [match["name"] for name in names if (match := _HEAD.fullmatch(name))]  # without units, and quantities:
+    parts = [(head, *head.partition("_")) for head in heads]
+    bare = [rest if rest and first.lower() in _MEANS else head for head, first, _, rest in parts]
+    return messages.Content(
+        bare,
+        lambda joints: _sorted(file, names, table, joints),
+        lambda k: f"row {k + 1} (line {rows[k + 1][0]})",
+        held=f"[{UNITS['tau']}]" in head,  # of `CsvTable`, whose torques are means until the next row
+    )
 
 
 def _numbers(file: Path, rows: Iterable[tuple[int, list[str]]], names: Sequence[str]) -> Array:

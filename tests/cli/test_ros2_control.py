@@ -119,6 +119,43 @@ def test_a_rate_that_breaks_a_limit_between_rows_is_raised_or_refused_with_one_t
     assert "rate raised: between these points" in " ".join(words.stdout.split())
 
 
+@pytest.mark.slow
+def test_a_table_at_a_rate_too_low_is_written_with_the_rate_that_would_do_and_every_command_says_the_same(
+    planned, tmp_path
+):
+    folder, table = planned("rrr"), tmp_path / "trajectory.csv"
+    limits, joints = limits_of(folder)
+
+    def written(rate):
+        output = answer(run_here("export", folder / "trajectory.npz", "--rate", rate, "--out", tmp_path, "--json"))
+        columns = np.genfromtxt(table, delimiter=",", skip_header=1)
+        points = [
+            {"positions": row[1:4], "velocities": row[4:7], "accelerations": row[7:10],
+             "time_from_start": {"sec": 0, "nanosec": 1e9 * row[0]}} for row in columns
+        ]  # fmt: skip
+        return output, keeps_limits({"points": points}, limits)
+
+    def broken():
+        """Whether compare, optimality and check say so, who must agree."""
+        (tmp_path / "arm.toml").write_text('[robot]\nname = "rrr"\nvelocity_limit = 3\n')
+        arm = ("--robot", tmp_path / "arm.toml")
+        seen = answer(run_here("compare", folder, table, "--json", "--out", tmp_path / "c"))["motions"][1]["verdict"]
+        brief = ("--search", "quick", "--no-figure", "--no-report", "--json", "--out", tmp_path / "o")
+        judged = json.loads(run_here("optimality", "rrr", table, "--velocity-limit", "3", *brief).stdout)
+        checked = json.loads(run_here("check", table, "--preset", "ros2-jtc", *arm, "--json").stdout)
+        found = {seen == "Breaks its limits", judged["status"] == "limits_broken", not checked["success"]}
+        assert len(found) == 1
+        return found.pop()
+
+    low, kept = written(250)
+    assert not kept and low["rate"] == 250 and broken()
+    (said,) = [one for one in low["warnings"] if "ros2_control" in one]
+    assert any(joint in said for joint in joints) and "beyond its velocity limit of 3" in said
+    enough = said.split("--rate ")[1].split()[0]
+    high, kept = written(enough)
+    assert kept and not high["warnings"] and not broken()
+
+
 def test_a_motion_that_ends_at_speed_says_what_the_controller_needs(tmp_path):
     solved = ("--q-goal", "1", "--v-goal", "2", "--search", "quick", "--no-figure", "--no-report", "--out", tmp_path)
     run_here("mintime", "r", "--q-start", "0", *solved)

@@ -70,40 +70,32 @@ def check(
     arm = None if robot is None else part.read(robot, payload.carried())
     if arm is None and given(payload, part):
         raise ProblemError("--payload, --lock, --arm, --tool and --package-dir need --robot")
-    motion, names = _motion(file, chosen, arm)
-    chosen = chosen if arm is None else chosen.fitted(arm.limits, names)
+    motion = _motion(file, chosen, arm)
+    chosen = chosen if arm is None else chosen.fitted(arm.limits, arm.joint_names)
     at = None
     if present is not None:
         at = numbers(present, "--present") if arm is None else positions(present, "--present", arm)
-    found = chosen.check(motion, names, at)
+    found = chosen.check(motion, present=at)
     facts = {"success": found.ok, "status": "accepted" if found.ok else "refused", "message": str(found)}
     return judged(facts | found.facts(), *check_shown(found, file.name), usable=found.ok)
 
 
-def _motion(
-    file: Path, preset: ad.ControllerPreset, arm: ad.Robot | None
-) -> tuple[ad.Trajectory | Planned, tuple[str, ...]]:
-    """The motion of a file, and the names of its joints."""
-    from armdyn.cli.reports.saved import motion_of
-    from armdyn.trajectory.npz import is_trajectory_file
-    from armdyn.trajectory.planned import joint_names_in, read_planned
+def _motion(file: Path, preset: ad.ControllerPreset, arm: ad.Robot | None) -> ad.Trajectory | Planned:
+    """The motion of a file."""
+    from armdyn.cli.reports.saved import is_planners, motion_of, read_saved
+    from armdyn.trajectory.planned import read_planned
 
-    file = file / "trajectory.npz" if file.is_dir() else file
     if arm is not None:
         preset.expect_joints(arm.joint_names)
-    if file.suffix.lower() == ".npz" and file.is_file() and is_trajectory_file(file):
-        motion = ad.Trajectory.load(file)
-        return motion, motion.joint_names
-    names = joint_names_in(file, preset.joints) if arm is None else arm.joint_names
-    if not (names or preset.joints):
-        raise ProblemError(f"{file}: its joints are not known: --robot ROBOT, as {preset.name} is for any arm")
-    planned = read_planned(file, names)
+    if not is_planners(file):
+        return read_saved(file / "trajectory.npz" if file.is_dir() else file).motion
+    planned = read_planned(file, preset.joints if arm is None else arm.joint_names, ends=arm is None)
     if arm is None and planned.tau is None and preset.interface == "torque":
         raise ProblemError(f"{file} has no torques, which the torque interface takes: --robot ROBOT computes them")
     # Accelerations are differences of three points; of an arm without inertias torques are unknown.
     if arm is not None and arm.has_dynamics and planned.tau is None and planned.t.size > 2:
-        planned = replace(planned, tau=motion_of(arm, file).motion.tau)
-    return planned, names
+        planned = replace(planned, tau=motion_of(arm, planned, file).tau)
+    return planned
 
 
 def check_shown(found: ad.ControllerCheck, name: str) -> list[Shown]:

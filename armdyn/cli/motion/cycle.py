@@ -191,7 +191,7 @@ def _write(
     for kind in formats:
         made = sampled(kind(), motion, None, rate_of(kind, motion.duration, folder), Subject.of(robot), strict=False)
         if made.broken:
-            warnings.warn(f"{kind.name}: {made.broken}, at any rate", ArmdynWarning, stacklevel=2)
+            warnings.warn(f"{kind.name}: {made.broken}", ArmdynWarning, stacklevel=2)
         own = f"trajectory{'' if suffixes.count(kind.suffix) == 1 else f'-{kind.name}'}{kind.suffix}"
         files.append(write_whole(folder / own, kind().text(made.samples).encode()))
     return written.with_files(files)

@@ -50,13 +50,13 @@ def optimality(
     armdyn optimality ur5 moveit.yaml
     armdyn optimality rr results/track-rr/trajectory.npz --search quick[/]
     """
-    from armdyn.cli.reports.saved import motion_of
+    from armdyn.cli.reports.saved import read_saved
     from armdyn.trajectory.planned import SUFFIXES
 
     if robot.robot.lower().endswith(SUFFIXES):
         raise ProblemError(f"{robot.robot} stands where the robot belongs: armdyn optimality ROBOT FILE")
     arm = joints.fit(robot.read(payload.carried()))
-    given = motion_of(arm, file)
+    given = read_saved(file, arm)
     folder = results.folder("optimality", robot.robot, MOTIONS)
     with working(f"fastest motion of {arm.name}") as progress:
         found = ad.time_optimality(

@@ -1,4 +1,4 @@
-"""Readers of saved results and of other planners' files: motions and their facts.
+"""The one reader of motions' files for the commands: saved results, and files of other planners.
 
 They may be untrusted. Of a folder only files of known names are read, within bounds, and no link that leads out of it.
 """
@@ -12,49 +12,64 @@ import numpy as np
 
 import armdyn as ad
 from armdyn.arrays import Array
-from armdyn.errors import FileError, TrajectoryError, reraised
+from armdyn.errors import FileError, ProblemError, TrajectoryError, reraised
 from armdyn.show.page.facts import Facts
 from armdyn.show.results import load_result
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.npz import is_trajectory_file
-from armdyn.trajectory.planned import SUFFIXES, read_planned
+from armdyn.trajectory.planned import SUFFIXES, Planned, read_planned
 
 _REFERENCE_FILES = ("reference.npz", "optimum.npz")
 
 
 @dataclass(frozen=True, eq=False)
 class Saved:
-    """A result on disk.
+    """A motion on disk.
 
     Attributes:
         path: the folder, or the motion's file.
-        motion: its motion.
+        motion: the motion; torques that a planner's file has not are computed.
         facts: of its result; empty for a bare motion.
         reference: the motion to follow, or the fastest one that it was compared with; None: neither.
-        a: accelerations of a planner's file, shape (n, nv); None: it has none.
+        table: content of a planner's file; None: it is armdyn's own.
     """
 
     path: Path
     motion: Trajectory
     facts: Facts
     reference: Trajectory | None = None
-    a: Array | None = None
+    table: Planned | None = None
+
+    @property
+    def a(self) -> Array | None:
+        """Accelerations that a controller is given with the velocities, shape (n, nv); None: none."""
+        return None if self.table is None or self.table.v is None else self.table.a
 
 
-def read_saved(path: Path) -> Saved:
-    """A result: a folder that a command has written, its result.json, or a motion's npz file alone.
+def read_saved(path: Path, robot: ad.Robot | None = None) -> Saved:
+    """A result: a folder that a command has written, its result.json, a motion's npz file alone, or a planner's file.
+
+    Args:
+        path: of one of these.
+        robot: that moves, for a planner's file.
 
     Raises:
         FileError: the file is missing, or a link leads out of the folder.
         ResultError: its result.json cannot be read.
-        TrajectoryError: its motion cannot be read.
+        TrajectoryError: its motion cannot be read, is of another robot, or its positions are degrees.
+        ProblemError: it is a planner's file, and there is no robot.
     """
+    if is_planners(path):
+        if robot is None:
+            raise ProblemError(f"{path} needs its robot, which was not found: give --robot")
+        table = read_planned(path, robot.joint_names)
+        return Saved(path, motion_of(robot, table, path), Facts(), table=table)
+    whole = path.is_dir() or path.name == "result.json"
     folder = path if path.is_dir() else path.parent
-    if not path.is_dir() and path.name != "result.json":
-        file = folder / "result.json"
-        judged = path.name == "trajectory.npz" and file.is_file()
-        return Saved(path, Trajectory.load(path), Facts(load_result(_inside(file))) if judged else Facts())
     result, motion = folder / "result.json", folder / "trajectory.npz"
+    if not whole:
+        judged = path.name == motion.name and result.is_file()
+        return Saved(path, Trajectory.load(path), Facts(load_result(_inside(result))) if judged else Facts())
     if not motion.is_file():
         raise FileError(
             motion, "no such file: give the folder of one motion, as mintime, cycle, pid and track write it"
@@ -76,7 +91,7 @@ def _inside(file: Path) -> Path:
     return file
 
 
-def is_given(path: Path) -> bool:
+def is_planners(path: Path) -> bool:
     """Whether the path is another planner's motion, and neither a folder nor a file of armdyn."""
     suffix = path.suffix.lower()
     if path.is_dir() or path.name == "result.json" or suffix not in SUFFIXES:
@@ -84,22 +99,20 @@ def is_given(path: Path) -> bool:
     return suffix != ".npz" or (path.is_file() and not is_trajectory_file(path))
 
 
-def motion_of(robot: ad.Robot, file: Path) -> Saved:
-    """The motion in a file, and its accelerations; torques that it has not are computed.
+def motion_of(robot: ad.Robot, table: Planned, file: Path) -> Trajectory:
+    """The motion of a planner's file; torques that it has not are computed.
 
     Raises:
-        TrajectoryError: it cannot be read, is of another robot, or its positions are degrees.
+        TrajectoryError: it is of another robot, or its positions are degrees.
     """
-    if is_trajectory_file(file):
-        return Saved(file, Trajectory.load(file), Facts())
-    planned = read_planned(file, robot.joint_names)
-    _refuse_degrees(robot, file, planned.q)
+    _refuse_degrees(robot, file, table.q)
     with reraised(TrajectoryError, str(file), TrajectoryError):
-        motion = ad.trajectory_from_path(robot, planned.t, planned.q, planned.v, planned.a, name=file.stem)
-    if planned.tau is not None:
-        derived = tuple(what for what in motion.derived if what != "tau")
-        motion = replace(motion, tau=planned.tau, hold=planned.hold, derived=derived)
-    return Saved(file, motion, Facts(), a=None if planned.v is None else planned.a)
+        motion = ad.trajectory_from_path(robot, table.t, table.q, table.v, table.a, name=file.stem)
+    if table.tau is None:
+        return motion
+    return replace(
+        motion, tau=table.tau, hold=table.hold, derived=tuple(what for what in motion.derived if what != "tau")
+    )
 
 
 def _refuse_degrees(robot: ad.Robot, file: Path, q: Array) -> None:

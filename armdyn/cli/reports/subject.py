@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from armdyn.cli.options.robot import PartOptions, ends_of, kind_of_file
-from armdyn.cli.reports.saved import Saved, is_given, motion_of, read_saved
+from armdyn.cli.reports.saved import Saved, is_planners, read_saved
 from armdyn.errors import ArmdynError, ArmdynWarning, FileError, ProblemError, TrajectoryError
 from armdyn.models import PLANAR_ARMS, JointLimits, Payload, Robot
 from armdyn.models.robots.loads import is_motion_of
@@ -70,15 +70,10 @@ def subject_of(saved: Saved, spec: SubjectSpec) -> Subject:
     Warns:
         ArmdynWarning: the robot is not at hand.
     """
-    options, model = saved.facts.part("request").part("options"), saved.facts.part("model")
-    said = options.text("robot")
+    model, said = saved.facts.part("model"), saved.facts.part("request").part("options").text("robot")
     named = spec.robot or _robot_of(saved, said, model)
-    count = saved.motion.v.shape[1]
-    joints = saved.motion.joint_names or tuple(model.texts("joints")) or tuple(f"joint{k + 1}" for k in range(count))
-    limits = _limits(model, joints)
-    sliding = tuple(model.values["sliding"]) if _flags(model.values.get("sliding"), count) else (False,) * count
-    name = model.text("name") or named or saved.path.stem
-    bare = Subject(name, joints, limits or _no_limits(count), sliding)
+    bare, count = bare_subject(saved, named), saved.motion.v.shape[1]
+    limits = _limits(model, bare.joints)
     if named is None:
         _warn(f"{saved.path}: the robot was not found and is not drawn: give --robot")
         return bare
@@ -96,6 +91,19 @@ def subject_of(saved: Saved, spec: SubjectSpec) -> Subject:
         _warn(f"{saved.path}: {named} is not the arm that moved, so that it is not drawn: name the robot by --robot")
         return bare
     return Subject.of(arm, obstacles_in(saved.facts))
+
+
+def bare_subject(saved: Saved, named: str | None = None) -> Subject:
+    """The arm as far as a result says it, without its model; infinite limits are unknown."""
+    model, count = saved.facts.part("model"), saved.motion.v.shape[1]
+    joints = saved.motion.joint_names or tuple(model.texts("joints")) or tuple(f"joint{k + 1}" for k in range(count))
+    sliding = tuple(model.values["sliding"]) if _flags(model.values.get("sliding"), count) else (False,) * count
+    wide = np.full(count, np.inf)
+    unknown = JointLimits(
+        position_lower=-wide, position_upper=wide, velocity=wide, effort_lower=-wide, effort_upper=wide
+    )
+    name = model.text("name") or named or saved.path.stem
+    return Subject(name, joints, _limits(model, joints) or unknown, sliding)
 
 
 def _robot_of(saved: Saved, said: str, model: Facts) -> str | None:
@@ -176,11 +184,6 @@ def _limits(model: Facts, joints: tuple[str, ...]) -> JointLimits | None:
     return found
 
 
-def _no_limits(count: int) -> JointLimits:
-    wide = np.full(count, np.inf)
-    return JointLimits(position_lower=-wide, position_upper=wide, velocity=wide, effort_lower=-wide, effort_upper=wide)
-
-
 def _flags(value: object, count: int) -> bool:
     return isinstance(value, list) and len(value) == count and all(isinstance(one, bool) for one in value)
 
@@ -216,9 +219,9 @@ def read_moves(paths: Sequence[Path], spec: SubjectSpec) -> tuple[Subject, list[
     """
     if missing := [path for path in paths if not path.exists()]:
         raise FileError(missing[0], "no such file")
-    own = {path: read_saved(path) for path in paths if not is_given(path)}
+    own = {path: read_saved(path) for path in paths if not is_planners(path)}
     subject = _subject(paths, list(own.values()), spec)
-    results = [own[path] if path in own else _planned(path, subject) for path in paths]
+    results = [own[path] if path in own else read_saved(path, subject.robot) for path in paths]
     moves = _named(results)
     if (robot := subject.robot) is not None:
         from armdyn.optimal.gap import check_motion
@@ -252,13 +255,6 @@ def _subject(paths: Sequence[Path], own: Sequence[Saved], spec: SubjectSpec) -> 
             f"{paths[0]} does not say of which robot it is: name it by --robot, or add a result of armdyn"
         )
     return Subject.of(_built(spec.robot, Facts(), spec))
-
-
-def _planned(path: Path, subject: Subject) -> Saved:
-    """The motion of another planner."""
-    if subject.robot is None:
-        raise ProblemError(f"{path} needs its robot, which was not found: give --robot")
-    return motion_of(subject.robot, path)
 
 
 def _named(results: Sequence[Saved]) -> list[ShownMotion]:

@@ -62,10 +62,10 @@ class ReferenceOptions:
             if others and getattr(self, name) is not None:
                 raise ProblemError(f"{others[0]} does not change the motion of --{name}: leave it out")
         if self.reference is not None:
-            from armdyn.cli.reports.saved import motion_of
+            from armdyn.cli.reports.saved import read_saved
             from armdyn.models.robots.loads import is_motion_of
 
-            motion = motion_of(task.arm, self.reference).motion
+            motion = read_saved(self.reference, task.arm).motion
             if motion.model_hashes and not is_motion_of(task.arm, motion):
                 warnings.warn(
                     f"{self.reference}: was computed for another arm, payload or friction than {task.arm.name}'s: "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -13,6 +14,7 @@ from armdyn.arrays import Array
 from armdyn.errors import TrajectoryError
 from armdyn.files import attributes
 from armdyn.models.presets.interface import REST_VELOCITY, UNITS, ControllerLimits, Interface
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.reprs import brief
 from armdyn.trajectory import Samples, Trajectory
 from armdyn.trajectory.interpolation import INTERPOLATIONS, KEPT, between_rows, interpolated
@@ -40,7 +42,8 @@ class Commands:
         interpolation: polynomials between the motion's points, a value of `INTERPOLATIONS`.
         sparse: whether points are further apart than ticks.
         rounding: smallest step of positions with a few digits after the point [rad]; 0: they have all of them.
-        between: times, positions and velocities along the interpolation, see `between_rows`; None: not of a table.
+        between: times, positions and velocities along the interpolation, see `between_rows`; None: of a motion that
+            is commanded at the ticks alone.
         least: the shortest step between points [s], and where it begins [s].
         away: distance of the first point from the present state [rad], shape (nv,); None: unknown.
     """
@@ -58,18 +61,18 @@ class Commands:
     away: Array | None
 
 
-def commands_of(motion: Trajectory | Samples | Planned, rate: float, present: Array | None = None) -> Commands:
+def commands_of(motion: Trajectory | Samples | Planned, interface: Interface, present: Array | None = None) -> Commands:
     """Commands of a motion that `check_points` accepts.
 
     Args:
         motion: the motion.
-        rate: commands per second [Hz].
+        interface: command interface, with its rate.
         present: joint positions before the motion [rad], shape (nv,); None: unknown.
 
     Raises:
         TrajectoryError: there are too many ticks.
     """
-    start, end = float(motion.t[0]), float(motion.t[-1])
+    start, end, rate = float(motion.t[0]), float(motion.t[-1]), interface.rate
     if not (end - start) * rate <= MOST_SAMPLES:
         raise TrajectoryError(f"{end - start:.4g} s at {rate:g} Hz are more than {MOST_SAMPLES} ticks")
     ticks = start + np.arange(-REST, int(np.ceil((end - start) * rate - 1e-9)) + REST + 1) / rate
@@ -97,7 +100,7 @@ def commands_of(motion: Trajectory | Samples | Planned, rate: float, present: Ar
     return Commands(
         at, q, v, tau, np.stack(ends), INTERPOLATIONS[len(given)],
         sparse=bool(np.max(steps) > 1.5 / rate), rounding=_rounding(motion.q),
-        between=None if isinstance(motion, Trajectory) else between_rows(t, given),
+        between=between_rows(t, given) if interface.splines or not isinstance(motion, Trajectory) else None,
         least=(float(steps[shortest]), float(t[shortest])),
         away=None if present is None else motion.q[0] - present,
     )  # fmt: skip
@@ -155,10 +158,10 @@ def check_points(motion: Trajectory | Samples | Planned) -> None:
 
 
 TOLERANCE = 1e-6
-"""Part of a limit by which a command may exceed it, as in planned motions; between rows it is `KEPT`."""
+"""Part of a limit by which a command may exceed it, as in planned motions; along a table it is `KEPT`."""
 
-KEPT_IN_STEP = 1e-2
-"""The same where points are a tick apart: a controller in step with them commands nothing else."""
+ALONG = ("position", "velocity")
+"""Conditions that hold along the polynomials of a table, too."""
 
 REST_ACCELERATION = 1e-2
 """Acceleration at an end that counts as zero [rad/s²], where no jerk limit bounds the change in one tick."""
@@ -281,7 +284,7 @@ def controller_check(
     about_torque = [name for name in interface.conditions if name.startswith("torque") and commands.tau is None]
     if interface.name == "torque" and about_torque:
         raise TrajectoryError(f"the motion has no torques, but the torque interface of {preset} takes them")
-    unlimited = [name for name in ("position", "velocity") if name in interface.conditions and not limits.known(name)]
+    unlimited = [name for name in ALONG if name in interface.conditions and not limits.known(name)]
     unknown = [name for name in ("start",) if name in interface.conditions and commands.away is None]
     reasons = (("the motion has no torques", about_torque), ("no robot says its limits", unlimited),
                ("the present state is not known", unknown))  # fmt: skip
@@ -292,39 +295,54 @@ def controller_check(
     if "jerk" in interface.conditions and not commands.sparse and noise > 0.1 * np.min(np.asarray(limits.jerk)):
         notes.append(f"positions are rounded to {commands.rounding:g} rad, which alone is {noise:.2g} rad/s³ of jerk")
     checked = [name for name in interface.conditions if name not in (*about_torque, *unlimited, *unknown)]
-    if commands.between is not None and not (commands.sparse or interface.splines):
-        for name in (one for one in ("position", "velocity") if one in checked):
-            share = np.max(_bounded(name, limits, *commands.between)[3]) - 1
-            if KEPT < share <= KEPT_IN_STEP:
-                notes.append(f"between the points, a tick apart, a {name} limit is exceeded by {100 * share:.2g} %")
-    rows = [row for condition in checked for row in _rows(condition, limits, interface, joints, commands)]
+    rows = list[ConditionCheck]()
+    parts: list[tuple[Measured, float]]
+    for condition in checked:
+        parts = [(_measured(condition, limits, interface, commands), TOLERANCE)]
+        if commands.between is not None and condition in ALONG:
+            along = _bounded(condition, limits, *commands.between), KEPT
+            if interface.splines:  # in no step with its ticks
+                parts = [along]
+            elif commands.sparse or np.any(along[0][3] > 1 + KEPT):  # of points a tick apart the commands are shown
+                parts.append(along)
+        rows += _judged(condition, condition in interface.necessary, joints, parts)
     return ControllerCheck(preset, interface.name, interface.rate, tuple(rows), commands.interpolation, tuple(notes))
 
 
-def _rows(
-    condition: str, limits: ControllerLimits, interface: Interface, joints: Sequence[str], commands: Commands
+def check_table(
+    limits: JointLimits, joints: Sequence[str], t: Array, derivatives: Sequence[Array]
+) -> tuple[ConditionCheck, ...]:
+    """Check a table by an arm's position and velocity limits along the polynomials of a controller, to `KEPT`.
+
+    The one judge of a table: of presets, of `check_motion`, and of exported rows.
+
+    Args:
+        limits: of the arm.
+        joints: their names.
+        t: times of the rows [s], shape (n,), increasing.
+        derivatives: positions, and perhaps velocities and accelerations, as of `interpolated`.
+    """
+    between, own = between_rows(t, derivatives), ControllerLimits.of(limits)
+    rows = [_judged(name, True, joints, [(_bounded(name, own, *between), KEPT)]) for name in ALONG]
+    return tuple(itertools.chain(*rows))
+
+
+def _judged(
+    condition: str, necessary: bool, joints: Sequence[str], parts: Sequence[tuple[Measured, float]]
 ) -> Iterator[ConditionCheck]:
-    """Check one condition on every joint that has a limit: its commands, and the motion between its points."""
-    parts = [(*_measured(condition, limits, interface, commands), TOLERANCE)]
-    if commands.between is not None and condition in ("position", "velocity"):
-        free = commands.sparse or interface.splines
-        between = _bounded(condition, limits, *commands.between)
-        if free or np.any(between[3] > 1 + KEPT_IN_STEP):
-            parts.append((*between, KEPT if free else KEPT_IN_STEP))
+    """Check one condition on every joint that has a limit, each part of its values with the tolerated excess."""
     for i, joint in enumerate(("all joints",) if condition == "time_step" else joints):
-        if not np.any(np.isfinite(parts[0][2][:, i])):
+        if not np.any(np.isfinite(parts[0][0][2][:, i])):
             continue
         found, worst = list[tuple[float, float]](), []
-        for times, values, bounds, shares, tolerance in parts:
+        for (times, values, bounds, shares), tolerance in parts:
             k, over = int(np.argmax(shares[:, i])), np.flatnonzero(shares[:, i] > 1 + tolerance)
             worst.append((shares[k, i], values[k, i], bounds[k, i], times[k]))
             found += [(float(times[first]), float(values[first, i])) for first in over[:1]]
         share, value, limit, time = map(float, max(worst))
         first, first_value = min(found, default=(None, None))
-        yield ConditionCheck(
-            condition, condition in interface.necessary, joint, value, limit, UNITS[condition], time, first,
-            first_value, share,
-        )  # fmt: skip
+        unit = UNITS[condition]
+        yield ConditionCheck(condition, necessary, joint, value, limit, unit, time, first, first_value, share)
 
 
 def _bounded(condition: str, limits: ControllerLimits, t: Array, q: Array, v: Array) -> Measured:

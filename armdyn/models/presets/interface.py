@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from armdyn.arguments import number, shown, whole
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.per_joint import per_joint
 from armdyn.parsing.toml import Table
 
@@ -118,6 +119,12 @@ class ControllerLimits:
     time_step: Numbers | None = None
     start: Numbers | None = None
     taper: VelocityTaper | None = None
+
+    @classmethod
+    def of(cls, limits: JointLimits) -> Self:
+        """The limits `OF_ROBOT` of an arm."""
+        own: dict[str, Any] = {name: tuple(getattr(limits, name).tolist()) for name in OF_ROBOT}
+        return cls(**own)
 
     def known(self, condition: str) -> bool:
         """Whether a condition on positions or velocities has its limits."""

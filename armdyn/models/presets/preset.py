@@ -198,8 +198,8 @@ class ControllerPreset:
             raise ProblemError(f"joints has {len(names)} names; limits are of {limits.velocity.size} joints")
         if self.joints:
             return self
-        own: dict[str, Any] = {name: tuple(getattr(limits, name).tolist()) for name in OF_ROBOT}
-        return replace(self, joints=names, limits=replace(self.limits, **own))
+        own = ControllerLimits.of(limits)
+        return replace(self, joints=names, limits=replace(self.limits, **{k: getattr(own, k) for k in OF_ROBOT}))
 
     def limit(self, name: str) -> Array | None:
         """A limit of the chosen interface, shape (nv,); None: no condition of the interface has it.
@@ -273,4 +273,4 @@ class ControllerPreset:
         at = None if present is None else numbers(present, "present", error=TrajectoryError)
         if at is not None and at.shape != (count,):
             raise TrajectoryError(f"present has shape {at.shape}; expected one position per joint, ({count},)")
-        return controller_check(self.name, self.limits, self.chosen, names, commands_of(motion, self.chosen.rate, at))
+        return controller_check(self.name, self.limits, self.chosen, names, commands_of(motion, self.chosen, at))

@@ -18,7 +18,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Sample, Trajectory
-from armdyn.trajectory.interpolation import between_rows, cubic
+from armdyn.trajectory.interpolation import cubic
 from armdyn.trajectory.planned import Planned
 
 BETWEEN = 8
@@ -68,22 +68,21 @@ def excesses(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> t
         dense: number of points between samples at which velocities and positions are checked; 1: only the samples.
     """
     t, q, v = _between(motion, dense)
-    return _excesses(limits, motion, np.append(motion.t, t), np.vstack([motion.q, q]), np.vstack([motion.v, v]))
+    t, q, v = np.append(motion.t, t), np.vstack([motion.q, q]), np.vstack([motion.v, v])
+    fastest = np.where(np.isinf(limits.velocity), 1.0, limits.velocity)
+    beyond = np.maximum(q - limits.position_upper, limits.position_lower - q)
+    bounded = np.where(np.isinf(limits.position_upper), 0, limits.position_upper - limits.position_lower)
+    return (
+        torque_excess(limits, motion),
+        Excess("velocity limit", t, np.abs(v) - limits.velocity, ("rad/s", "m/s"), fastest),
+        Excess("position limit", t, beyond, ("rad", "m"), np.maximum(bounded, 1.0)),
+    )
 
 
-def table_excesses(limits: JointLimits, motion: Trajectory, a: Array | None = None) -> tuple[Excess, Excess, Excess]:
-    """Excesses of a table over its torque, velocity and position limits, as ros2_control runs it: see `between_rows`.
-
-    Derived velocities are not given to the controller, which then goes straight from row to row.
-
-    Args:
-        limits: limits to check.
-        motion: the table; of the two samples of a jump the first is a row.
-        a: accelerations at its samples [rad/s² or m/s²], shape (n, nv); None: the controller is not given any.
-    """
-    rows = np.append(True, ~motion.jumps)
-    given = [motion.q] if "v" in motion.derived else [motion.q, motion.v] if a is None else [motion.q, motion.v, a]
-    return _excesses(limits, motion, *between_rows(motion.t[rows], [each[rows] for each in given]))
+def torque_excess(limits: JointLimits, motion: Trajectory) -> Excess:
+    """Excess of a motion over its torque limits, at its samples."""
+    pushed = limits.actuators.excess(motion.tau, motion.q, motion.v)
+    return Excess("torque limit", motion.t, pushed, ("N m", "N"), limits.actuators.scale)
 
 
 def proven(robot: Robot, motion: Trajectory, torque: Excess) -> Excess:
@@ -108,19 +107,6 @@ def proven(robot: Robot, motion: Trajectory, torque: Excess) -> Excess:
         before[-1], after[0] = last - 2, 2
     apart = [np.abs(torques(motion.q[k], motion.v[k], a) - motion.tau) for k in (before, after)]
     return replace(torque, beyond=torque.beyond - np.maximum(*apart))
-
-
-def _excesses(limits: JointLimits, motion: Trajectory, t: Array, q: Array, v: Array) -> tuple[Excess, Excess, Excess]:
-    """Excesses of a motion over its torque limits at its samples, and of states at times t over the others."""
-    pushed = limits.actuators.excess(motion.tau, motion.q, motion.v)
-    fastest = np.where(np.isinf(limits.velocity), 1.0, limits.velocity)
-    beyond = np.maximum(q - limits.position_upper, limits.position_lower - q)
-    bounded = np.where(np.isinf(limits.position_upper), 0, limits.position_upper - limits.position_lower)
-    return (
-        Excess("torque limit", motion.t, pushed, ("N m", "N"), limits.actuators.scale),
-        Excess("velocity limit", t, np.abs(v) - limits.velocity, ("rad/s", "m/s"), fastest),
-        Excess("position limit", t, beyond, ("rad", "m"), np.maximum(bounded, 1.0)),
-    )
 
 
 def _between(motion: Trajectory, dense: int) -> tuple[Array, Array, Array]:
