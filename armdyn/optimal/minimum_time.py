@@ -12,6 +12,7 @@ import numpy as np
 from armdyn.arguments import expect, listener, several
 from armdyn.codegen.deadline import NoTimeError
 from armdyn.errors import ProblemError
+from armdyn.optimal.answer.advice import followed_by
 from armdyn.optimal.answer.assembly import assembled, ended_by_time, failed, kinematic, without_motion
 from armdyn.optimal.answer.goals import fastest_goal
 from armdyn.optimal.answer.solution import Solution
@@ -72,6 +73,7 @@ def solve_minimum_time(
     started, posed = time.perf_counter(), problem.without_torques() if problem.kinematic else problem
     task = Task.of(posed, options, progress=listener(progress))
     solution = solve_task(task, options.time_limit - (time.perf_counter() - started))
+    solution = replace(solution, followed=followed_by(task, solution.status))
     return kinematic(problem, solution) if problem.kinematic else solution
 
 

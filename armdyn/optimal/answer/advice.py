@@ -3,20 +3,36 @@
 Names in backticks are arguments of `MinimumTimeProblem` and `MinimumTimeOptions`, and options of the command line.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
 from armdyn.optimal.landing.limit_violations import can_be_slowed
 from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, ON_CURVE, Certificate
+from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.policy import Policy
+from armdyn.optimal.task.task import Task
 from armdyn.reprs import percent
 
 _HOLD = "choose poses that its motors can hold, carry less `payload`, raise `effort_limit`"
+_OFF_GOAL = "it ends more than 1e-6 off the goal"
 _IN_FLIGHT = "pass the goal in flight with `v_goal`"
-_MORE_ROOM = "another `seed` plans other paths; a smaller `clearance` leaves more room"
+_WAYS = {
+    "search": "`search` thorough",
+    "starts": "more `starts`",
+    "time_limit": "a longer `time_limit`",
+    "max_intervals": "more `max_intervals`",
+    "seed": "another `seed`",
+    "clearance": "a smaller `clearance`",
+    "armature": "the rotors' inertia, `armature`",
+}
+"""Remedies by the options that they name."""
+Remedy = Callable[..., str]
+"""`_remedy` of a problem and the options that were followed."""
 _LITTLE = 0.1
 """Gap above which the bound is weak because torque limits, not velocity limits, decide the duration."""
 
@@ -38,52 +54,78 @@ def advice(
         certificate: certificate of the answer.
         kept: constraint reports of the answer.
         arcs: whether the answer's arcs were resolved.
-        followed: advice on the search of curves that was followed: "search", "starts".
+        followed: options whose advice was followed, or has no effect, see `followed_by`.
     """
+    remedy = partial(_remedy, problem, followed)
     if not np.isfinite(certificate.goal_error) and certificate.growth is None:
         if weak := problem.weak_ends:
             ends, flight = " and the ".join(one.pose for one in weak), f", or {_IN_FLIGHT}" * (weak[-1].pose == "goal")
             return {"lands": f"no motion was found, and the arm cannot stay at the {ends}: {_HOLD}{flight}"}
         if problem.has_clearance:
-            return {"lands": f"no motion was found: {_MORE_ROOM}"}
+            return {"lands": f"no motion was found{remedy('seed', 'clearance', 'time_limit')}"}
         wider = "widen the limits or regions" if problem.has_regions else "widen the limits"
-        return {"lands": f"no motion was found: {_raise(problem, wider, 'starts', 'time_limit', 'max_intervals')}"}
+        ways = remedy("starts", "time_limit", "max_intervals", otherwise=wider)
+        return {"lands": f"no motion was found{ways}"}
     lines = {}
     if not certificate.lands and certificate.replay == "segments":
-        lines["lands"] = "open loop it is unstable: keep a `reserve` of the torque limits for feedback"
+        larger = "larger " * bool(np.any(problem.reserves.effort))
+        lines["lands"] = f"open loop it is unstable: keep a {larger}`reserve` of the torque limits for feedback"
     elif not certificate.lands:
-        links = "light links at strong motors may need their rotors' inertia, `armature`"
-        lines["lands"] = f"it does not reach the goal: {_raise(problem, links, 'max_intervals')}"
+        lines["lands"] = f"it does not reach the goal{remedy('max_intervals', 'armature')}"
     if not certificate.keeps_limits:
-        lines["limits"] = _for_limits(problem, certificate) + _not_slowed(problem)
+        lines["limits"] = _for_limits(certificate, remedy) + _not_slowed(problem)
     if missed := [each.name for each in kept if each.reasons]:
-        tighter = _raise(problem, "tighten the constraint a little", "max_intervals")
-        more = _MORE_ROOM if missed == ["clearance"] else tighter
-        lines["conditions"] = f"it does not keep {', '.join(missed)}: {more}{_not_slowed(problem)}"
+        tighter = remedy("max_intervals", otherwise="tighten the constraint a little")
+        more = remedy("seed", "clearance") if missed == ["clearance"] else tighter
+        lines["conditions"] = f"it does not keep {', '.join(missed)}{more}{_not_slowed(problem)}"
     if lines:
         return lines
     if problem.holding_deficit is not None:
         return {"holds": f"the arm cannot stay at the goal: {_HOLD}, or {_IN_FLIGHT}"}
     if not certificate.extremal and not (certificate.remark == ON_CURVE and not arcs and certificate.gap is not None):
-        lines["extremal"] = _for_extremal(problem, certificate, arcs)
+        lines["extremal"] = _for_extremal(problem, certificate, arcs, remedy)
     if not certificate.gap_proven or certificate.gap is None or certificate.gap > GAP_TOLERANCE:
-        lines["gap"] = _for_gap(problem, certificate, followed)
+        lines["gap"] = _for_gap(problem, certificate, remedy)
     return lines
 
 
-def _raise(problem: MinimumTimeProblem, otherwise: str, *options: str) -> str:
-    """Advice to raise those of some options that change the problem's search, or else to do something else."""
-    *first, last = [f"`{name}`" for name in options if _changes(problem, name)] or [""]
-    named = f"{', '.join(first)} or {last}" if first else last
-    return ", or ".join(filter(None, (named and f"raise {named}", otherwise)))
+def followed_by(task: Task, status: Status) -> tuple[str, ...]:
+    """Options of a task that are above their defaults, and the time limit if it did not end the search.
+
+    Args:
+        task: problem and options as given.
+        status: of its solution.
+    """
+    policy, options = task.policy, task.options
+    own = (
+        policy.curves if policy.strategy.curves_alone else policy.smooth if task.problem.pays_effort else policy.search
+    )
+    raised = {
+        "search": options.search == "thorough",
+        "starts": (options.starts or 0) > own.starts,
+        "time_limit": status is not Status.TIME_LIMIT,
+        "max_intervals": options.max_intervals > MinimumTimeOptions().max_intervals,
+    }
+    return tuple(name for name, chosen in raised.items() if chosen)
 
 
-def _changes(problem: MinimumTimeProblem, option: str) -> bool:
-    """Whether an option changes the problem's search: curves have no meshes, and no guesses where paths are planned."""
-    if option not in ("starts", "max_intervals") or not Policy.of(problem).strategy.curves_alone:
-        return True
+def _remedy(problem: MinimumTimeProblem, followed: Sequence[str], *options: str, otherwise: str = "") -> str:
+    """What to try, after a colon: options of some that have an effect and were not followed, or something else."""
+    useless = _without_effect(problem)
+    *first, last = [_WAYS[name] for name in options if name not in (*followed, *useless)] or [""]
+    ways = last and f"try {', '.join(first)}{' or ' if first else ''}{last}"
+    said = ", or ".join(filter(None, (ways, otherwise)))
+    return said and f": {said}"
+
+
+def _without_effect(problem: MinimumTimeProblem) -> tuple[str, ...]:
+    """Options without effect: curves have no meshes, and no guesses where paths are planned."""
+    given = (("clearance", problem.clearance == 0), ("armature", bool(np.any(problem.robot.model.armature))))
+    useless = tuple(name for name, there in given if there)
+    if not Policy.of(problem).strategy.curves_alone:
+        return useless
     planned = problem.has_clearance or problem.has_regions or (len(problem.poses) > 2 and problem.jerk_limit is None)
-    return option == "starts" and not planned
+    return (*useless, "max_intervals", *(("starts", "search") if planned else ()))
 
 
 def _not_slowed(problem: MinimumTimeProblem) -> str:
@@ -93,36 +135,29 @@ def _not_slowed(problem: MinimumTimeProblem) -> str:
     return f"; it cannot be slowed down as a whole, since {why}"
 
 
-def _for_limits(problem: MinimumTimeProblem, certificate: Certificate) -> str:
+def _for_limits(certificate: Certificate, remedy: Remedy) -> str:
     worst = certificate.exceeded
     if worst is None:
-        lower = "give limits a little below the arm's"
-        return f"it exceeds a limit: {_raise(problem, lower, 'max_intervals')}"
+        return f"it exceeds a limit{remedy('max_intervals', otherwise='give limits a little below the arm’s')}"
     beyond = f"it exceeds the {worst.constraint} of {worst.joint} by {percent(worst.value)} of it"
-    return f"{beyond}: {_raise(problem, 'lower that limit by as much', 'max_intervals')}"
+    return f"{beyond}{remedy('max_intervals', otherwise='lower that limit by as much')}"
 
 
-def _for_extremal(problem: MinimumTimeProblem, certificate: Certificate, arcs: bool) -> str:
+def _for_extremal(problem: MinimumTimeProblem, certificate: Certificate, arcs: bool, remedy: Remedy) -> str:
     if not arcs and certificate.remark == ON_CURVE:
-        more = "; more `starts` may find a faster one" if _changes(problem, "starts") else ""
-        return f"not extremal: {ON_CURVE}{more}"
+        return f"not extremal: {ON_CURVE}{remedy('starts')}"
     if not arcs and problem.path_constraint_names:
         names = ", ".join(problem.path_constraint_names)
         return f"not extremal: Pontryagin's conditions are not checked with {names}; a small gap would say as much"
     if not certificate.on_goal:
-        return f"not extremal: {_off_goal(problem)}"
+        return f"not extremal: {_OFF_GOAL}{remedy('max_intervals', 'armature')}"
+    more = remedy("max_intervals", "starts") or remedy("seed")
     if not arcs:
-        return (
-            "not extremal: its arcs were not resolved: raise `max_intervals` or `starts`; a small gap would say as much"
-        )
-    return "not extremal: its arcs do not quite satisfy the optimality conditions: raise `max_intervals` or `starts`"
+        return f"not extremal: its arcs were not resolved{more}; a small gap would say as much"
+    return f"not extremal: its arcs do not quite satisfy the optimality conditions{more}"
 
 
-def _off_goal(problem: MinimumTimeProblem) -> str:
-    return f"it ends more than 1e-6 off the goal: {_raise(problem, 'give `armature`', 'max_intervals')}"
-
-
-def _for_gap(problem: MinimumTimeProblem, certificate: Certificate, followed: Sequence[str]) -> str:
+def _for_gap(problem: MinimumTimeProblem, certificate: Certificate, remedy: Remedy) -> str:
     if problem.pays_effort:
         return "no gap: with `effort_weight` the cost is not time alone; leave it out for the fastest motion"
     if certificate.gap is None and np.all(np.isinf(problem.limits.velocity)):
@@ -133,14 +168,11 @@ def _for_gap(problem: MinimumTimeProblem, certificate: Certificate, followed: Se
     if not certificate.gap_proven and certificate.on_goal:
         return "the motion is faster than the lower bound: one of the two is wrong: a bug in armdyn"
     if not certificate.gap_proven:
-        return f"the gap is not proven: {_off_goal(problem)}"
+        return f"the gap is not proven: {_OFF_GOAL}{remedy('max_intervals', 'armature')}"
     if certificate.gap > _LITTLE:
         free = "the bound ignores obstacles, " if problem.has_clearance else "the bound "
         return f"a large gap: {free}is by velocity limits, and weak where torque limits decide"
     if certificate.remark == ON_CURVE:
-        ways = {"search": "`search` thorough", "starts": "more `starts`"}
-        left = " or ".join(words for name, words in ways.items() if name not in followed)
-        more = f"look for a faster motion with {left}; " if left and _changes(problem, "starts") else ""
-        return f"{more}much of the gap of {percent(certificate.gap)} may be the bound's"
-    more = _raise(problem, "", "starts", "max_intervals")
-    return f"a gap of {percent(certificate.gap)}" + (f": {more}; there may be a faster motion" if more else "")
+        first = f"look for a faster motion{more}; " if (more := remedy("search", "starts")) else ""
+        return f"{first}much of the gap of {percent(certificate.gap)} may be the bound's"
+    return f"a gap of {percent(certificate.gap)}; there may be a faster motion{remedy('starts', 'max_intervals')}"

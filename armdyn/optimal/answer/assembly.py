@@ -42,8 +42,6 @@ def assembled(
     if not decides and best.phases:
         decides = deciding(task.problem, best.phases, task.policy.arcs.least_share)
     deciders = {one.joint for one in decides}
-    more_starts = (task.options.starts or 0) > task.policy.curves.starts
-    raised = {"search": task.options.search == "thorough", "starts": more_starts}
     idle = tuple(name for name in best.certificate.idle if name not in deciders)
     certificate, duration = replace(best.certificate, idle=idle), best.trajectory.duration
     status = _status(task, best, found)
@@ -73,7 +71,6 @@ def assembled(
         calm=best.calm,
         search_remark=remark,
         decides=decides,
-        followed=tuple(name for name, chosen in raised.items() if chosen),
     )
 
 

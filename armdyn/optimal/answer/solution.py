@@ -58,7 +58,7 @@ class Solution:
         calm: time spent on calm joints [s]: the fastest motion takes less by this.
         search_remark: remark on the search if the motion is not certified: number of different optima from a curve's
             guesses and how often the best was met, or that refinement was abandoned; else empty.
-        followed: options of the search that were raised, "search" or "starts": they are not advised again.
+        followed: options of the search that are not advised: raised already, or, of the time limit, without effect.
     """
 
     success: bool

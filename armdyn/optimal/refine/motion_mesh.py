@@ -343,10 +343,9 @@ def _judged(task: Task, attempt: Attempt, remark: str) -> _Judged | None:
     to_divide = _intervals_to_divide(task, motion, replay, costates)
     certificate, saving = found.certificate, np.inf if costates is None else costates.saving
     if costates is not None and saving > SAVING_TOLERANCE:
-        most = f"a small change may save up to {percent(saving)} of its time"
-        certificate = replace(
-            certificate, remark=f"{most}; at most {percent(SAVING_TOLERANCE)} counts as locally optimal"
-        )
+        most, enough = percent(saving), percent(SAVING_TOLERANCE)
+        remark = f"a small change may save up to {most} of its time; at most {enough} counts as locally optimal"
+        certificate = replace(certificate, remark=remark)
     elif costates is not None:
         certificate = replace(
             certificate,

@@ -33,11 +33,8 @@ def _result(outcome: Outcome) -> str:
         return f"{outcome.status.replace('_', ' ')}, max Re λ = {facts['max_real_eigenvalue']:+.3f} 1/s"
     if not outcome.success:
         return outcome.message
-    landed = (
-        "locally optimal (Pontryagin)"
-        if facts["certified"]
-        else f"replay ends {facts['goal_error']:.0e} rad from the goal"
-    )
+    missed = f"replay ends {facts['goal_error']:.0e} rad from the goal"
+    landed = "locally optimal (Pontryagin)" if facts["certified"] else missed
     indirect = facts.get("indirect_time_s")
     if not isinstance(indirect, float) or outcome.time is None:
         return landed

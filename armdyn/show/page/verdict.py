@@ -205,18 +205,12 @@ def _possible(facts: Facts) -> tuple[tuple[str, bool | None, str], ...]:
 def _of_planned(facts: Facts) -> Verdict:
     """Verdict on another planner's motion, compared with the fastest."""
     ratio, feasible = facts.number("ratio"), facts.true("feasible")
-    checks: list[tuple[str, bool | None, str]] = [
-        *_possible(facts),
-        (
-            "the fastest motion",
-            facts.true("certified"),
-            f"{seconds(facts.number('optimal_duration'))}: {_claims(facts)}",
-        ),
-    ]
+    fastest = f"{seconds(facts.number('optimal_duration'))}: {_claims(facts)}"
+    checks = (*_possible(facts), ("the fastest motion", facts.true("certified"), fastest))
     found = "no fastest motion was found" if ratio is None else f"takes {ratio:.4g} times as long as the fastest"
     headline = f"{'Keeps' if feasible else 'Breaks'} its limits, {found}"
     level: Level = "bad" if not feasible else "good" if facts.true("success") else "fair"
-    return Verdict(level, headline, _sentence(facts.text("message")), tuple(checks), tuple(facts.texts("what_to_do")))
+    return Verdict(level, headline, _sentence(facts.text("message")), checks, tuple(facts.texts("what_to_do")))
 
 
 def _of_tracking(facts: Facts) -> Verdict:

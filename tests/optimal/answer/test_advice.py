@@ -118,6 +118,17 @@ def test_options_that_change_nothing_are_not_advised():
     assert not any(name in line for line in lines for name in ("`starts`", "`search`", "`seed`", "`max_intervals`"))
 
 
+def test_what_the_problem_has_already_is_not_advised():
+    robot = paper_problem("rr").robot
+    lands, unstable = Certificate(0.2, 0.1, 0.0), Certificate(0.2, 0.1, 0.0, replay="segments", growth=1e9)
+    assert "`armature`" not in said(lands, robot=robot.with_armature(0.1))["lands"]
+    assert "keep a `reserve`" in said(unstable)["lands"]
+    assert "keep a larger `reserve`" in said(unstable, reserve=0.1)["lands"]
+    ball = [ad.Sphere((5, 5, 5), 0.1)]
+    line = said(Certificate(np.inf, np.inf, np.inf), obstacles=ball, clearance=0.0)["lands"]
+    assert "`seed`" in line and "`clearance`" not in line
+
+
 def test_met_conditions_have_no_advice():
     assert "extremal" not in said(solved("rr").certificate, arcs=True)
     assert "gap" not in said(LANDED.bounded(1.0, 1.0005))

@@ -5,8 +5,9 @@ import dataclasses
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.answer.advice import advice
-from armdyn.optimal.answer.words import verdict
+from armdyn.optimal.answer.advice import advice, followed_by
+from armdyn.optimal.answer.words import standing, verdict
+from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import ON_CURVE, Certificate
 from armdyn.optimal.task.task import Task
 from problems import POSES
@@ -60,11 +61,34 @@ def test_an_unusable_motion_is_reported(solution):
     assert verdict(short) == "not usable" and "decided by" not in str(short)
 
 
-def test_fewer_starts_than_the_default_are_no_advice_that_was_followed(solution):
-    normal = Task.of(solution.problem).policy.curves.starts
-    for starts, followed in ((1, ()), (normal + 1, ("starts",))):
-        found = ad.solve_minimum_time(solution.problem, ad.MinimumTimeOptions(starts=starts))
-        assert found.followed == followed
+def test_only_options_above_their_defaults_are_advice_that_was_followed(solution):
+    problem, weighted = solution.problem, solution.problem.variant(effort_weight=1.0)
+    curve = ad.MinimumTimeProblem(ad.Robot.from_library("panda"), q_start="ready", q_goal=[0.5, 0, 0, -1.5, 0, 2, 0])
+    for own, numbers in ((problem, "search"), (weighted, "smooth"), (curve, "curves")):
+        normal = getattr(Task.of(own).policy, numbers).starts
+        for starts, followed in ((normal, ()), (normal + 1, ("starts",))):
+            task = Task.of(own, ad.MinimumTimeOptions(starts=starts, max_intervals=100, search="quick"))
+            assert followed_by(task, Status.TIME_LIMIT) == followed
+    task = Task.of(problem, ad.MinimumTimeOptions(search="thorough", max_intervals=161))
+    assert followed_by(task, Status.SOLVED) == ("search", "time_limit", "max_intervals")
+    assert solution.followed == ("time_limit",)  # it did not end the search
+
+
+def test_what_was_raised_is_advised_again_neither_with_a_motion_nor_without(solution):
+    raised = {"search": "thorough", "max_intervals": 161}
+    for options, named in (({}, True), ({"starts": 1}, True), ({"starts": 33}, False)):
+        found = ad.solve_minimum_time(solution.problem, ad.MinimumTimeOptions(time_limit=1e-3, **raised, **options))
+        (line,) = found.what_to_do
+        assert not found.moves and "a longer `time_limit`" in line and "max_intervals" not in line
+        assert ("`starts`" in line) == named
+    for options, words in (({}, "try more `max_intervals` or more `starts`; "), (raised, "try more `starts`; ")):
+        task = Task.of(solution.problem, ad.MinimumTimeOptions(**options))
+        plain = dataclasses.replace(
+            solution, phases=None, certificate=Certificate(0.0, 0.0, 0.0), followed=followed_by(task, solution.status)
+        )
+        assert f"its arcs were not resolved: {words}" in plain.what_to_do[0] == standing(plain)["missing"]["extremal"]
+    followed = ("starts", "max_intervals", "time_limit")
+    assert "resolved: try another `seed`; " in dataclasses.replace(plain, followed=followed).what_to_do[0]
 
 
 def test_no_motion_has_no_duration(solution):
