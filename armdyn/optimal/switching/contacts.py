@@ -1,17 +1,16 @@
 """Corrections of contacts with position and velocity limits: by torque limits and by the sign of the multiplier."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from armdyn.arrays import Array, Index
-from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, TOWARDS, VELOCITY, Mode, outward, runs_of
+from armdyn.optimal.arcs.arc import OPPOSITE, POSITION, TOWARDS, VELOCITY, Mode, outward, runs_of
 from armdyn.optimal.switching.costates import NODES, SampledExtremal
-from armdyn.optimal.switching.extremal.change import Carrier, Change, Segment
+from armdyn.optimal.switching.extremal.change import Change, Segment
 from armdyn.optimal.switching.extremal.quadratic_model import LinearRollout
 from armdyn.optimal.switching.extremal.state_limits import edited
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
-from armdyn.optimal.switching.signs import WrongSign, worst_interval
 from armdyn.optimal.task.policy.switching import ContactPolicy
 
 
@@ -83,10 +82,9 @@ class Contact:
         if not own.size:
             return None
         i, sign, lengths = change.joint, outward(change.mode), np.diff(whole.t)
-        holder = change.carrier.joint if change.carrier else i
         t = whole.t[own][:, None] + lengths[own][:, None] * NODES
-        upper, lower = limits.actuators.upper[holder], limits.actuators.lower[holder]
-        torque = (2 * whole.tau[own, :, holder] - upper - lower) / (upper - lower)
+        upper, lower = limits.actuators.upper[i], limits.actuators.lower[i]
+        torque = (2 * whole.tau[own, :, i] - upper - lower) / (upper - lower)
         costate, K = whole.costate[:, :, i], lengths.size
         knots = range(int(own[0]), int(own[-1]) + 2)
         impulses = [costate[k - 1, -1] - costate[k, 0] if 0 < k < K else 0.0 for k in knots]
@@ -169,97 +167,3 @@ def _let_go(
     elif touches and (part[0] > 0 or len(steps) > 1):
         more.append((b, touch))
     return edited(extremal.rollout, structure, gone, more).without(())
-
-
-def with_carried_touches(
-    extremal: LinearRollout, wrong: list[WrongSign], refused: set[object]
-) -> tuple[SwitchingStructure, tuple[int, int]] | None:
-    """The structure with touches merged into a contact, maintained by a joint with a wrong torque limit around them.
-
-    A touch deflects the switching functions of the other joints: if one of them requires the opposite limit at the
-    touch, and the present one around it, its torque should maintain the contact.
-
-    Args:
-        extremal: extremal with the touches.
-        wrong: stretches on the wrong limit, worst first.
-        refused: pairs of joints, the touching one and the other, that failed before.
-
-    Returns:
-        The structure and its pair; None without such a contact.
-    """
-    for j in dict.fromkeys(one.joint for one in wrong):
-        found = _carried_touches(extremal, [one for one in wrong if one.joint == j], refused)
-        if found is not None:
-            return found
-    return None
-
-
-def _carried_touches(
-    extremal: LinearRollout, wrong: list[WrongSign], refused: set[object]
-) -> tuple[SwitchingStructure, tuple[int, int]] | None:
-    """Contacts of stretches of one joint."""
-    structure, j = extremal.structure, wrong[0].joint
-    near = extremal.shooting.policy.contacts.near * structure.duration
-    begin, end = worst_interval(wrong, near)
-    touches = [
-        k
-        for k in structure.within(begin, end)
-        if (change := structure.changes[k]).touch
-        and change.mode in POSITION
-        and change.joint != j
-        and (change.joint, j) not in refused
-    ]
-    if not touches:
-        return None
-    nearest = min(touches, key=lambda k: abs(structure.times[k] - wrong[0].worst))
-    touch = structure.changes[nearest]
-    times = [float(structure.times[k]) for k in touches if structure.changes[k] == touch]
-    half = (end - begin) / 8 if max(times) - min(times) < near else 0.0
-    ends = max(begin, min(times) - half), min(end, max(times) + half)
-    press = structure.modes()[nearest][touch.joint]
-    switched = any(change.is_of(touch.joint) and change.mode is not press for change in _within(structure, *ends, near))
-    if press not in BANG or switched or not _on_limits(structure, j, *ends, near):
-        return None
-    return _held(extremal, touch, ends, j, press), (touch.joint, j)
-
-
-def _held(
-    extremal: LinearRollout, touch: Change, ends: tuple[float, float], carrier: int, press: Mode
-) -> SwitchingStructure:
-    """The structure with a contact in place of touches.
-
-    Args:
-        extremal: extremal of the structure.
-        touch: one of the touches.
-        ends: start and end of the contact [s].
-        carrier: joint whose torque maintains the contact.
-        press: active torque limit of the joint in contact.
-    """
-    structure, (begin, end) = extremal.structure, ends
-    near = extremal.shooting.policy.contacts.near * structure.duration
-    gone, after = [], structure.modes()[int(np.searchsorted(structure.times, begin - near))][carrier]
-    for k in structure.within(begin - near, end + near):
-        change = structure.changes[k]
-        if change.is_of(carrier):
-            gone.append(k)
-            after = change.mode
-        elif change.joint == touch.joint and (change.mode if change.touch else structure.modes()[k][change.joint]) is (
-            touch.mode
-        ):
-            gone.append(k)  # a touch, or the end of a contact that continues as this one
-    contact = replace(touch, touch=False, carrier=Carrier(carrier, press, after))
-    more = [(begin, contact), (end, Change(touch.joint, press))]
-    return edited(extremal.rollout, structure, gone, more).without(())
-
-
-def _within(structure: SwitchingStructure, begin: float, end: float, near: float) -> list[Change]:
-    return [structure.changes[k] for k in structure.within(begin - near, end + near)]
-
-
-def _on_limits(structure: SwitchingStructure, joint: int, begin: float, end: float, near: float) -> bool:
-    """Whether a joint's torque is saturated between two times [s], so that it may carry another joint instead."""
-    first = int(np.searchsorted(structure.times, begin - near))
-    modes = [structure.modes()[first][joint]]
-    modes += [change.mode for change in _within(structure, begin, end, near) if change.is_of(joint)]
-    carrying = any(carrier.joint == joint for each in structure.carriers()[first:] for carrier in each.values())
-    return all(mode in BANG for mode in modes) and not carrying

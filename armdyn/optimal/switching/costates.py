@@ -87,7 +87,7 @@ class SampledExtremal:
     @classmethod
     def of(cls, extremal: LinearRollout) -> Self:
         """Sample an extremal."""
-        rollout, robot, carriers = extremal.rollout, extremal.shooting.problem.robot, extremal.structure.carriers()
+        rollout, robot = extremal.rollout, extremal.shooting.problem.robot
         (t, step, part), n = _grid(rollout), robot.nv
         x, state_transition, rate = _carried(rollout, step, part)
         at_steps = extremal.costates[0][step][..., None]
@@ -98,12 +98,11 @@ class SampledExtremal:
         modes, state_multipliers = np.array(extremal.structure.modes())[arcs], np.zeros_like(costate)
         position, velocity = np.isin(modes, POSITION), np.isin(modes, VELOCITY)
         for k in np.flatnonzero(np.any(position | velocity, axis=1)):
-            held, own = np.flatnonzero(position[k] | velocity[k]), carriers[arcs[k]]
-            holder = np.array([own[i].joint if i in own else i for i in held.tolist()])
-            tau[k][:, holder] = inverse_dynamics(robot)(x[k, :, :n], x[k, :, n:], rate[k, :, n:])[:, holder]
+            held = np.flatnonzero(position[k] | velocity[k])
+            tau[k][:, held] = inverse_dynamics(robot)(x[k, :, :n], x[k, :, n:], rate[k, :, n:])[:, held]
             inverse = np.linalg.inv(inertia[k])
-            pushed = inverse[:, holder] @ costate[k, :, n:, None]
-            eta = -np.linalg.solve(inverse[:, holder[:, None], held], pushed)[..., 0]
+            pushed = inverse[:, held] @ costate[k, :, n:, None]
+            eta = -np.linalg.solve(inverse[:, held[:, None], held], pushed)[..., 0]
             length, on_position = t[k + 1] - t[k], position[k, held]
             derivative = _DIFFERENTIATION @ eta / length
             costate[k][:, n + held] += eta
@@ -146,7 +145,7 @@ def _carried(rollout: Rollout, steps: Index, parts: Array) -> tuple[Array, Array
     rows = rollout.start[some], np.ones(some.size), s * rollout.h[some], first[some], there
     body = np.tile(rollout.shooting.body, (some.size, 1))
     x, state_transition, _, rate = rollout.shooting.flow.rolled_out(
-        *rows, rollout.torques.free_mask[some], rollout.torques.kept[some], body
+        *rows, rollout.torques.free_mask[some], rollout.torques.held[some], body
     )
     x, state_transition, rate = (
         each[: steps.size].reshape(*steps.shape, *each.shape[1:]) for each in (x, state_transition, rate)

@@ -7,7 +7,7 @@ import numpy as np
 
 from armdyn.optimal.problem.status import Budget
 from armdyn.optimal.solve.registry import in_time
-from armdyn.optimal.switching.contacts import with_carried_touches, with_contacts
+from armdyn.optimal.switching.contacts import with_contacts
 from armdyn.optimal.switching.extremal.descent import fastest
 from armdyn.optimal.switching.extremal.flow import Flow, flow_of
 from armdyn.optimal.switching.extremal.quadratic_model import LinearRollout
@@ -101,13 +101,12 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure) ->
             continue
         limited = with_limits(found.rollout) or without_wrong_touches(found)
         contacts = [limited] if limited else others.of_contacts(found)
-        wrong = [] if limited else wrong_signs(found, numbers.least)
-        carried = with_carried_touches(found, wrong, others.refused)
         if contacts:
             best = best.or_else(found, "the position limits did not converge")
-            others.add(contacts, carried[1] if carried else None)
-            structure = carried[0] if carried else others.next()
+            others.add(contacts)
+            structure = others.next()
             continue
+        wrong = wrong_signs(found, numbers.least)
         idle = max([0.0, *(idle_fall(found, k) for k in found.structure.controls)])
         worst = max([idle, *(one.value for one in wrong[:1])])
         stale = 0 if worst < numbers.better * best.wrong else stale + 1
@@ -123,7 +122,7 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure) ->
             continue
         if not wrong:
             return best
-        instead = carried or (others.singular_of(found, wrong) if mended else None)
+        instead = others.singular_of(found, wrong) if mended else None
         structure, mended = with_signs(found, wrong), True
         if instead is not None:
             others.add([structure], instead[1])
@@ -149,7 +148,7 @@ class _Others:
 
     Attributes:
         left: the structures, the next one last, each with the reason that is refused once it is tried.
-        refused: joints whose singular arcs, and pairs of joints whose carried contacts, failed.
+        refused: joints whose singular arcs failed.
     """
 
     def __init__(self) -> None:
@@ -201,8 +200,6 @@ def leaves_idle(extremal: LinearRollout, tolerance: float) -> bool:
     rollout, limits = extremal.rollout, extremal.shooting.problem.limits
     ranges = limits.actuators.width
     idle = (np.abs(extremal.switching) * ranges <= tolerance) & (ranges > 0)
-    elsewhere = (
-        (rollout.torques.free_mask > 0) | (rollout.torques.held > 0) | (rollout.torques.carried[:, ranges.size :] > 0)
-    )
+    elsewhere = (rollout.torques.free_mask > 0) | (rollout.torques.held > 0)
     shares = np.tile(rollout.h, 2) @ (idle & ~np.tile(elsewhere, (2, 1))) / 2
     return bool(np.any(shares > extremal.structure.duration / 2))

@@ -28,7 +28,6 @@ class WrongSign:
         begin: start of the stretch [s].
         end: end of the stretch [s].
         worst: time of the largest decrease [s].
-        carried: whether another joint's torque holds the joint on a position limit.
     """
 
     value: float
@@ -37,7 +36,6 @@ class WrongSign:
     begin: float
     end: float
     worst: float
-    carried: bool = False
 
 
 def wrong_signs(extremal: LinearRollout, least: float) -> list[WrongSign]:
@@ -48,8 +46,8 @@ def wrong_signs(extremal: LinearRollout, least: float) -> list[WrongSign]:
         least: least decrease of H.
     """
     rollout, width = extremal.rollout, extremal.shooting.problem.limits.actuators.width
-    modes, t = np.array(_torque_modes(extremal.structure))[rollout.arc], np.repeat(rollout.times, 2)[1:-1]
-    found, carriers = list[WrongSign](), extremal.structure.carriers()
+    modes, t = np.array(extremal.structure.modes())[rollout.arc], np.repeat(rollout.times, 2)[1:-1]
+    found = list[WrongSign]()
     shortest = extremal.shooting.policy.descent.vanished * extremal.structure.duration
     lasting = np.bincount(rollout.arc, weights=rollout.h)[rollout.arc] > shortest  # not between simultaneous changes
     reversals = bang_signs(modes) * width * lasting[:, None]
@@ -59,9 +57,8 @@ def wrong_signs(extremal: LinearRollout, least: float) -> list[WrongSign]:
             if np.max(fall[run]) > least:
                 worst = int(run[np.argmax(fall[run])])
                 begin, end = t[max(run[0] - 1, 0)], t[min(run[-1] + 1, t.size - 1)]
-                carried = i in carriers[rollout.arc[worst // 2]]
                 mode = Mode(modes[worst // 2, i])
-                found.append(WrongSign(float(fall[worst]), i, mode, float(begin), float(end), float(t[worst]), carried))
+                found.append(WrongSign(float(fall[worst]), i, mode, float(begin), float(end), float(t[worst])))
     return sorted(found, key=lambda wrong: -wrong.value)
 
 
@@ -72,15 +69,6 @@ def worst_interval(wrong: list[WrongSign], apart: float) -> tuple[float, float]:
         near = [one for one in own if one.begin <= end + apart and one.end >= begin - apart]
         begin, end = min(begin, *(one.begin for one in near)), max(end, *(one.end for one in near))
     return begin, end
-
-
-def _torque_modes(structure: SwitchingStructure) -> list[list[Mode]]:
-    """Modes of the torques on each arc: the torque of a held joint is on a limit, that of its carrier is free."""
-    out = [list(modes) for modes in structure.modes()]
-    for modes, carriers in zip(out, structure.carriers(), strict=True):
-        for joint, carrier in carriers.items():
-            modes[joint], modes[carrier.joint] = carrier.press, Mode.FREE
-    return out
 
 
 def with_signs(
@@ -97,8 +85,6 @@ def with_signs(
     for one in wrong:
         if one.value < extremal.shooting.policy.switching.worse * wrong[0].value:
             break
-        if one.carried:  # on its position limit, carried by another joint's torque
-            continue
         half = (one.end - one.begin) / 8
         middle = min(max(one.worst, one.begin + half), one.end - half)
         for time, mode in ((middle - half, OPPOSITE[one.mode]), (middle + half, one.mode)):

@@ -1,4 +1,4 @@
-"""Events of a switching structure: a mode changes, a limit is touched, another joint's torque holds a joint.
+"""Events of a switching structure: a mode changes, or a limit is touched.
 
 A free torque starts with its singular control: S̈ = 0 determines a singular torque as a function of the state, the
 costate and the other torques: smooth except where one of these jumps.
@@ -74,21 +74,6 @@ class SingularControl:
 
 
 @dataclass(frozen=True)
-class Carrier:
-    """Joint whose torque keeps another joint on its position limit, while that joint's own torque is saturated.
-
-    Attributes:
-        joint: index of the carrying joint.
-        press: active torque limit of the held joint.
-        after: mode of the carrying joint after the contact.
-    """
-
-    joint: int
-    press: Mode
-    after: Mode
-
-
-@dataclass(frozen=True)
 class Change:
     """Change of one joint's mode at one time.
 
@@ -97,14 +82,12 @@ class Change:
         mode: mode from then on; for a touch, the touched limit.
         touch: whether the change is a touch: the joint keeps its mode.
         control: singular control of a free torque; else None.
-        carrier: joint that holds this one on a position limit; None: its own torque does.
     """
 
     joint: int
     mode: Mode
     touch: bool = False
     control: SingularControl | None = None
-    carrier: Carrier | None = None
 
     def is_of(self, joint: int) -> bool:
         """Whether this is a change of a joint's mode."""

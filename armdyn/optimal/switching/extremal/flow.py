@@ -1,8 +1,7 @@
 """Flow of an arm under constant torques, its derivatives, and the switching functions.
 
-A held joint keeps its velocity: the other joints move as if it were locked. It is held by its own torque or another
-joint's, which takes the required value. Steps are Cooper and Verner's method of eighth order (Some explicit Runge-Kutta
-methods of high order, SIAM J. Numer. Anal. 9, 1972).
+A held joint keeps its velocity, by its own torque: the other joints move as if it were locked. Steps are Cooper and
+Verner's method of eighth order (Some explicit Runge-Kutta methods of high order, SIAM J. Numer. Anal. 9, 1972).
 """
 
 from dataclasses import dataclass
@@ -59,7 +58,7 @@ class Flow:
             (2 nv, 2 nv STEPS); ∂end/∂(torque along `free_mask`) at the start and at the end, shape
             (2 nv, 2 STEPS); and ẋ at the ends, shape (2 nv, STEPS). A step starts where the one before ended or,
             where `begins` is 1, at its own x; its torque is linear. The last eight have a column for each step. `held`
-            has 3 nv rows: 1 for joints held by their own torques, for one held by another's, for that other.
+            is 1 for held joints.
         switching: (q, p, held, body), 2 STEPS columns each -> S = ∂(pᵀẋ)/∂τ, shape (nv, 2 STEPS).
     """
 
@@ -117,7 +116,7 @@ def flow_of(dynamics: Dynamics, compile_mode: bool | None) -> Flow:
     previous, own = ca.MX.sym("previous", 2 * n), ca.MX.sym("own", 2 * n)
     begins, h = ca.MX.sym("begins"), ca.MX.sym("h")
     first, last, free_mask = ca.MX.sym("first", n), ca.MX.sym("last", n), ca.MX.sym("free_mask", n)
-    rest = [free_mask, ca.MX.sym("held", 3 * n), ca.MX.sym("body", dynamics.last_body.size)]
+    rest = [free_mask, ca.MX.sym("held", n), ca.MX.sym("body", dynamics.last_body.size)]
     # The state, its transition from the start, and its sensitivity to the torques at both ends.
     start = begins * own + (1 - begins) * previous, ca.densify(ca.MX.eye(2 * n)), ca.MX.zeros(2 * n, 2)
     stages: list[tuple[ca.MX, ...]] = []
@@ -148,26 +147,16 @@ def flow_of(dynamics: Dynamics, compile_mode: bool | None) -> Flow:
 def _functions(dynamics: Dynamics) -> tuple[ca.Function, ca.Function]:
     """(x, τ, free_mask, held, body) -> ẋ, ∂ẋ/∂x and ∂ẋ/∂τ along `free_mask`; and one column of `Flow.switching`."""
     n = dynamics.nv
-    x, tau, held = ca.SX.sym("x", 2 * n), ca.SX.sym("tau", n), ca.SX.sym("held", 3 * n)
+    x, tau, held = ca.SX.sym("x", 2 * n), ca.SX.sym("tau", n), ca.SX.sym("held", n)
     numbers, p = ca.SX.sym("body", dynamics.last_body.size), ca.SX.sym("p", 2 * n)
     body, free_mask = only_present(dynamics, numbers), ca.SX.sym("free_mask", n)
-    q, v, (own, carried, carrying) = x[:n], x[n:], ca.vertsplit(held, n)
-    free = 1 - own
-    inertia = ca.diag(free) @ dynamics.crba(q, body) @ ca.diag(free) + ca.diag(own)
+    q, v, free = x[:n], x[n:], 1 - held
+    inertia = ca.diag(free) @ dynamics.crba(q, body) @ ca.diag(free) + ca.diag(held)
     factors = ca.ldl(inertia, False)  # L D Lᵀ, in the joints' own order
-    by_carrier = ca.ldl_solve(carrying, *factors)
-    reach = ca.dot(carried, by_carrier) + 1 - ca.sum1(carried)
-
-    def accelerated(torque: ca.SX) -> ca.SX:
-        """Accelerations by a torque and by the reaction of the carrying joint."""
-        alone = ca.ldl_solve(free * torque, *factors)
-        return alone - by_carrier * ca.dot(carried, alone) / reach
-
-    f = ca.vertcat(v, accelerated(tau - dynamics.nle(q, v, body)))
+    f = ca.vertcat(v, ca.ldl_solve(free * (tau - dynamics.nle(q, v, body)), *factors))
     jacobian = ca.densify(ca.jacobian(f, x))
-    torque_sensitivity = ca.densify(ca.vertcat(ca.SX.zeros(n), free * accelerated(free_mask)))
-    alone = ca.ldl_solve(free * p[n:], *factors)
-    switching = free * (alone - ca.ldl_solve(carried, *factors) * ca.dot(carrying, alone) / reach)
+    torque_sensitivity = ca.densify(ca.vertcat(ca.SX.zeros(n), free * ca.ldl_solve(free * free_mask, *factors)))
+    switching = free * ca.ldl_solve(free * p[n:], *factors)
     return (
         ca.Function("rate", [x, tau, free_mask, held, numbers], [f, jacobian, torque_sensitivity], {"cse": True}),
         ca.Function("switching", [q, p, held, numbers], [ca.densify(switching)], {"cse": True}),

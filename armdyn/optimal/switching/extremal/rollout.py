@@ -136,7 +136,7 @@ class Rollout:
         shooting.budget.spend(arc.size * len(torques.layers))
         torque_sensitivity = np.zeros((arc.size, own.shape[1], 2, torques.free_mask.shape[1]))
         for free_mask in torques.layers:
-            end, state_transition, along, rate = shooting.flow.rolled_out(*columns, free_mask, torques.kept, body)
+            end, state_transition, along, rate = shooting.flow.rolled_out(*columns, free_mask, torques.held, body)
             with np.errstate(invalid="ignore"):  # diverging motions: see `finite`
                 torque_sensitivity += along[:, :, :, None] * free_mask[:, None, None]
         start = np.where(begins[:, None], own, np.vstack([states[:1], end[:-1]]))
@@ -194,7 +194,7 @@ class Rollout:
         Args:
             costates: costates p at starts and ends, each of shape (steps, 2 nv).
         """
-        n, held = self.shooting.problem.robot.nv, np.tile(self.torques.kept, (2, 1))
+        n, held = self.shooting.problem.robot.nv, np.tile(self.torques.held, (2, 1))
         body = np.tile(self.shooting.body, (len(held), 1))
         q = np.vstack([self.start, self.end])[:, :n]
         return self.shooting.flow.switchings(q, np.vstack(costates), held, body)

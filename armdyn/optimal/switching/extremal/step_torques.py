@@ -17,15 +17,13 @@ class Torques:
 
     Attributes:
         tau: torques at the starts and ends [N m], each of shape (steps, nv).
-        held: 1 for joints held by their own torques, shape (steps, nv).
-        carried: 1 for a joint held by another one's torque, and for that other joint, shape (steps, 2 nv).
+        held: 1 for joints held on a limit of position or velocity, shape (steps, nv).
         free_mask: 1 for joints whose torques are free, likewise.
         by: ∂τ/∂(unknowns) of free torques at the starts and at the ends, each of shape (steps, nv, width).
     """
 
     tau: tuple[Array, Array]
     held: Array
-    carried: Array
     free_mask: Array
     by: tuple[Array, Array]
 
@@ -43,14 +41,6 @@ class Torques:
         modes = np.array(structure.modes())[arc]
         signs, free, held = bang_signs(modes), modes == Mode.FREE, np.isin(modes, (*POSITION, *VELOCITY))
         bang = limits.actuators.extreme(signs)
-        carried, carrying = np.zeros(bang.shape), np.zeros(bang.shape)
-        for k, carriers in enumerate(structure.carriers()):
-            for joint, carrier in carriers.items():
-                own = arc == k
-                carried[own, joint], carrying[own, carrier.joint], held[own, joint] = 1.0, 1.0, False
-                upper = carrier.press is Mode.UPPER
-                bang[own, joint] = (limits.actuators.upper if upper else limits.actuators.lower)[joint]
-                bang[own, carrier.joint], free[own, carrier.joint] = 0.0, False
         tau = bang.copy(), bang.copy()
         by = tuple(np.zeros((*bang.shape, structure.width)) for _ in tau)
         places = structure.places
@@ -65,12 +55,7 @@ class Torques:
             by_unknowns[:, places[k]] += by_coefficients
             for side, half in enumerate((slice(own.size), slice(own.size, None))):
                 tau[side][own, joint], by[side][own, joint] = torque[half], by_unknowns[half]
-        return cls(tau, held.astype(float), np.hstack([carried, carrying]), free.astype(float), (by[0], by[1]))
-
-    @property
-    def kept(self) -> Array:
-        """`held` and `carried`, concatenated for the flow, shape (steps, 3 nv)."""
-        return np.hstack([self.held, self.carried])
+        return cls(tau, held.astype(float), free.astype(float), (by[0], by[1]))
 
     @property
     def layers(self) -> list[Array]:

@@ -9,10 +9,10 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.optimal.arcs.arc import VELOCITY, Arc, Mode, merged
-from armdyn.optimal.switching.extremal.change import Carrier, Change, Segment, SingularControl
+from armdyn.optimal.switching.extremal.change import Change, Segment, SingularControl
 from armdyn.trajectory import Trajectory
 
-StructureKey = tuple[tuple[Mode, ...], tuple[tuple[int, Mode, bool, Carrier | None], ...]]
+StructureKey = tuple[tuple[Mode, ...], tuple[tuple[int, Mode, bool], ...]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class SwitchingStructure:
     @property
     def key(self) -> StructureKey:
         """Modes at the start and all changes in order, without their times."""
-        return self.first, tuple((each.joint, each.mode, each.touch, each.carrier) for each in self.changes)
+        return self.first, tuple((each.joint, each.mode, each.touch) for each in self.changes)
 
     @property
     def size(self) -> int:
@@ -92,21 +92,7 @@ class SwitchingStructure:
         for change in self.changes:
             if not change.touch:
                 now[change.joint] = change.mode
-            if change.carrier:
-                now[change.carrier.joint] = change.carrier.after
             out.append(tuple(now))
-        return out
-
-    def carriers(self) -> list[dict[int, Carrier]]:
-        """Joints that hold another joint on its limit, on each of the m + 1 arcs, by the index of the held joint."""
-        now: dict[int, Carrier] = {}
-        out = [now]
-        for change in self.changes:
-            if not change.touch:
-                now = {joint: carrier for joint, carrier in now.items() if joint != change.joint}
-            if change.carrier:
-                now[change.joint] = change.carrier
-            out.append(now)
         return out
 
     def moved(self, by: Array, states: Array, in_order: bool = True) -> Self:
@@ -182,7 +168,7 @@ class SwitchingStructure:
 
     def without(self, segments: Iterable[Segment]) -> Self:
         """Remove segments of zero length: their changes become simultaneous."""
-        first, removed, changes = list(self.first), set[int](), list(self.changes)
+        first, removed = list(self.first), set[int]()
         for segment in segments:
             if segment.begin in removed or segment.end in removed:
                 continue
@@ -191,22 +177,15 @@ class SwitchingStructure:
             if segment.begin < 0:
                 change = self.changes[segment.end]
                 first[change.joint] = change.mode
-            carrier = None if segment.begin < 0 else changes[segment.begin].carrier
-            if carrier:  # the other joint's switch remains of the contact
-                changes[segment.begin] = Change(carrier.joint, carrier.after)
-                continue
             removed.add(segment.end if segment.begin < 0 else segment.begin)
-        now, kept, carrier_of = list(first), list[int](), dict[int, Carrier | None]()
-        for k, change in enumerate(changes):
-            same = now[change.joint] is change.mode and carrier_of.get(change.joint) == change.carrier
-            if k in removed or (not change.touch and same):
+        now, kept = list(first), list[int]()
+        for k, change in enumerate(self.changes):
+            if k in removed or (not change.touch and now[change.joint] is change.mode):
                 continue
             if not change.touch:
-                now[change.joint], carrier_of[change.joint] = change.mode, change.carrier
-            if change.carrier:
-                now[change.carrier.joint] = change.carrier.after
+                now[change.joint] = change.mode
             kept.append(k)
-        return replace(self, first=tuple(first), changes=tuple(changes))._only(kept)
+        return replace(self, first=tuple(first))._only(kept)
 
     @property
     def idle_touches(self) -> list[int]:
@@ -231,10 +210,7 @@ class SwitchingStructure:
         """
         edges = [0.0, *self.times.tolist(), self.duration]
         out: list[Arc] = []
-        carried = self.carriers()
         for k, (modes, (t0, t1)) in enumerate(zip(self.modes(), pairwise(edges), strict=True)):
-            free = {carrier.joint for carrier in carried[k].values()}
-            modes = tuple(Mode.FREE if i in free else mode for i, mode in enumerate(modes))
             touches: tuple[tuple[int, Mode], ...] = ()
             if k < self.size and self.changes[k].touch:
                 touches = ((self.changes[k].joint, self.changes[k].mode),)

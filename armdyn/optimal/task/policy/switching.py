@@ -92,7 +92,6 @@ class ContactPolicy:
     whole: float = tuned(0.02, "of a contact", "remainder at an end that is no contact of its own")
     least: float = tuned(0.1, "of a contact", "least first shortening")
     end: float = tuned(0.25, "of a contact", "a negative multiplier so near an end shortens that end")
-    near: float = tuned(1e-3, "of the duration", "distance within which a carrier's switches belong to a contact")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,7 +5,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Arc, Mode
-from armdyn.optimal.switching.extremal.change import Carrier, Change, Segment, SingularControl
+from armdyn.optimal.switching.extremal.change import Change, Segment, SingularControl
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.from_arcs import banged
 from problems import solved
@@ -50,14 +50,6 @@ def test_a_segment_that_is_taken_out_keeps_its_neighbours():
     assert [change.mode for change in begun.changes] == [U, U]
     in_one_piece = given.without([Segment(2, 3)])
     assert [arc.modes for arc in in_one_piece.arcs(1e-7)] == [(U, L), (L, L), (U, L)]
-
-
-def test_a_carried_contact_without_length_becomes_the_other_joints_switch():
-    held = [(1.0, Change(0, P, carrier=Carrier(1, U, U)), np.zeros(4)), (1.5, Change(0, L), np.zeros(4))]
-    given = structure([Arc(1.0, (U, L)), Arc(2.0, (U, U))]).without_changes([0]).with_changes(held)
-    assert given.modes() == [(U, L), (P, U), (L, U)]
-    left = given.without([Segment(0, 1)])
-    assert left.changes == (Change(1, U), Change(0, L))
 
 
 def test_a_singular_control_at_the_start_keeps_the_change_that_begins_it():
