@@ -1,12 +1,15 @@
 """Motion problems that several tests solve, and their solutions."""
 
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 import armdyn as ad
+from armdyn.optimal.minimum_time import solve_task
+from armdyn.optimal.task.task import Task
 
 CASES = Path(__file__).parent / "cases"
 """Published problems, a folder each: the robot as a URDF, and `case.json` with poses, limits and known answers."""
@@ -152,3 +155,12 @@ def random_problem(pair, seed=1, **limits):
 def random_solution(pair):
     """Its fastest motion, without limits of position."""
     return ad.solve_minimum_time(random_problem(pair, position_limit=(-np.inf, np.inf)))
+
+
+def mesh_alone(problem, **options):
+    """The solution by the resolved mesh: no switching structure is refined, so that it has no arcs."""
+    task = Task.of(problem, ad.MinimumTimeOptions(workers=1, bound=False, **options))
+    without = {"budget": 0, "coarse_budget": 0, "switch_budget": 0, "switch_budget_at_speed": 0}
+    solution = solve_task(replace(task, policy=task.policy.changed("refinement", **without)))
+    assert solution.certified and solution.arcs == (), solution.message
+    return solution

@@ -39,8 +39,8 @@ def assembled(
     """
     best, *others = _certified_first(task, _repeated(task, optima), bound)
     decides = best.decides
-    if not decides and best.phases:
-        decides = deciding(task.problem, best.phases, task.policy.arcs.least_share)
+    if not decides and best.costates:
+        decides = deciding(task.problem, best.costates, task.policy.arcs.least_share)
     deciders = {one.joint for one in decides}
     idle = tuple(name for name in best.certificate.idle if name not in deciders)
     certificate, duration = replace(best.certificate, idle=idle), best.trajectory.duration
@@ -59,6 +59,7 @@ def assembled(
         certificate=certificate,
         arcs=best.phases.arcs if best.phases else (),
         phases=best.phases,
+        costates=best.costates,
         local_optima=_others(task, duration, known, found.listed),
         intervals=best.intervals,
         iterations=found.iterations + sum(optimum.iterations for optimum in optima),

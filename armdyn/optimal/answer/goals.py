@@ -48,7 +48,7 @@ def fastest_goal(task: Task, solve: Solve) -> Solution:
     if best not in solutions:
         tried.append(GoalResult(goal, best.duration, refined=True))
     bound = _bound_of_all(task, solutions, max(until - time.perf_counter(), numbers.bound * options.time_limit))
-    missed = transversality(problem, problem.goal_pose, goal, best.phases)
+    missed = transversality(problem, problem.goal_pose, goal, best.costates)
     certificate = replace(best.certificate.bounded(bound, best.duration), transversality=missed)
     tried.sort(key=lambda goal: goal.duration)
     elapsed = time.perf_counter() - started
@@ -83,26 +83,26 @@ def _slid_end(
     step = numbers.end_first
     for _ in range(numbers.end_solves):
         q = best.problem.x_goal[: best.problem.robot.nv]
-        missed = transversality(best.problem, goal, q, best.phases)
+        missed = transversality(best.problem, goal, q, best.costates)
         if (
-            best.phases is None
+            best.costates is None
             or missed is None
             or missed == np.inf
             or missed <= TRANSVERSALITY_TOLERANCE / 10
             or step < numbers.end_least
         ):
             break
-        gradient = end_gradient(best.problem.robot, goal, q, best.phases)
+        gradient = end_gradient(best.problem.robot, goal, q, best.costates)
         steepest = float(np.linalg.norm(gradient))
         by = -min(step, numbers.end_largest) / steepest * gradient
         moved = slid(best.problem.robot, goal, q, by, best.problem.limits)
         other = None if moved is None else solve(best, moved)
         if moved is None or other is None:
             break
-        if not other.success or other.phases is None or other.duration >= best.duration:
+        if not other.success or other.costates is None or other.duration >= best.duration:
             step /= 4
             continue
-        turned = end_gradient(best.problem.robot, goal, moved, other.phases)
+        turned = end_gradient(best.problem.robot, goal, moved, other.costates)
         away, curvature = moved - q, float((moved - q) @ (turned - gradient))
         step = float(away @ away) / curvature * float(np.linalg.norm(turned)) if curvature > 0 else 2 * step
         best = other

@@ -17,6 +17,7 @@ from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.proof.certificate import Certificate
+from armdyn.optimal.proof.costates import Costates
 from armdyn.optimal.proof.sensitivity import Sensitivities, Share, sensitivities
 from armdyn.optimal.search.goals import GoalResult
 from armdyn.rendering import renderer
@@ -42,6 +43,7 @@ class Solution:
         certificate: results of the checks.
         arcs: active limit of every joint and duration of each arc; empty if they were not resolved.
         phases: the solved arcs with costates; None: not resolved.
+        costates: costates of the motion, of arcs or of a mesh, see `sensitivities`; None: unknown.
         local_optima: durations of the other optima met [s], increasing; unrefined ones to the coarse mesh's accuracy.
         intervals: number of intervals of the last mesh.
         iterations: iterations of the solver, over all meshes and starts.
@@ -70,6 +72,7 @@ class Solution:
     certificate: Certificate
     arcs: tuple[Arc, ...] = ()
     phases: Phases | None = None
+    costates: Costates | None = None
     local_optima: tuple[float, ...] = ()
     intervals: int = 0
     iterations: int = 0
@@ -170,8 +173,8 @@ class Solution:
         return renderer().report(self, path)
 
     def sensitivities(self) -> Sensitivities | None:
-        """Derivatives of t_f with respect to payload and limits; None if the arcs were not resolved."""
-        return None if self.phases is None else sensitivities(self.problem, self.phases)
+        """Derivatives of t_f with respect to payload and limits; None without costates."""
+        return None if self.costates is None else sensitivities(self.problem, self.costates)
 
 
 _CHECKS = (

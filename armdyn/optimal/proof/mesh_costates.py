@@ -28,27 +28,24 @@ from armdyn.optimal.bound.linear_program import marginals_in_boxes
 from armdyn.optimal.landing.rollout import transitions
 from armdyn.optimal.landing.shooting import Shooting
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.proof.costates import Costates
 from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.policy.landing import ShootingPolicy
 from armdyn.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
-class MeshCostates:
-    """Costates at the knots of a motion, and the largest first-order saving by any change of it.
+class MeshCostates(Costates):
+    """Costates of a motion on a mesh, and the largest first-order saving by any change of it.
 
     Attributes:
-        t: knots [s], shape (K + 1,).
-        costate: ρ = ∂(time to go)/∂(q, v) at the knots, shape (K + 1, 2 nv).
-        switching: S = ∂H/∂τ there, shape (K + 1, nv).
+        switching: S = ∂H/∂τ at the knots, shape (K + 1, nv).
         held: multipliers of limits of (q, v) in the intervals, positive where the upper one is active
             [1/rad or 1/(rad/s)], shape (K, 2 nv).
         missed: bound on the first-order saving by changes within each interval, as a part of the duration, shape (K,).
         saving: bound on the first-order saving by a change of the motion, as a part of the duration.
     """
 
-    t: Array
-    costate: Array
     switching: Array
     held: Array
     missed: Array
@@ -73,17 +70,18 @@ def mesh_costates(
     steps = transitions(robot, halves, x, np.stack([held, held], axis=1), policy.adjoint, size)
     if steps is None:
         return None
-    steps = steps.swapaxes(1, 2) * size[:, None] / size
-    first, own = steps[: h.size], np.eye(2 * n)
-    carried = first @ steps[h.size :]
+    first, second = (steps.swapaxes(1, 2) * size[:, None] / size).reshape(2, h.size, 2 * n, 2 * n)
+    middle, carried, own = x[h.size :], first @ second, np.eye(2 * n)
     rates = []
     for x in (motion.x[:-1], motion.x[1:]):
         a = forward_dynamics(robot)(x[:, :n], x[:, n:], motion.tau)
         rates.append(np.concatenate([x[:, n:], a], axis=1) / size)
-    inverse = np.linalg.inv(joint_inertia(robot)(motion.x[:, :n]))
+    inverse = np.linalg.inv(joint_inertia(robot)(np.concatenate([motion.x, middle])[:, :n]))
     width = np.where(actuators.width > 0, actuators.width, 1.0)  # without a motor the torque is fixed
     return _StationarityProgram(
         motion=motion,
+        middle=middle,
+        second_half=second,
         propagator=carried,
         effect=h[:, None, None] / 6 * (own + 4 * first + carried) * size,  # by Simpson's rule
         state_rate=np.array(rates),
@@ -153,10 +151,13 @@ class _StationarityProgram:
 
     Attributes:
         motion: the motion.
+        middle: states in the middles of the intervals, shape (K, 2 nv).
+        second_half: propagator of r from the end of an interval to its middle, shape (K, 2 nv, 2 nv).
         propagator: propagator of r from the end of an interval to its start, shape (K, 2 nv, 2 nv).
         effect: contribution of a multiplier of 1 along the interval to r there, a column per state, (K, 2 nv, 2 nv).
         state_rate: rates of the state at both ends of every interval, shape (2, K, 2 nv).
-        switching_gain: ∂S/∂(costates of velocities), times the torques' ranges, at the knots, shape (K + 1, nv, nv).
+        switching_gain: ∂S/∂(costates of velocities), times the torques' ranges, at the knots and in the middles of the
+            intervals, shape (2 K + 1, nv, nv).
         torque_level: height of the torques above the lower limit, over their ranges, shape (K, nv).
         limits: limits that the motion nearly reaches.
         width: widths of the torques' ranges, shape (nv,); 1 without a motor.
@@ -164,6 +165,8 @@ class _StationarityProgram:
     """
 
     motion: Shooting
+    middle: Array
+    second_half: Array
     propagator: Array
     effect: Array
     state_rate: Array
@@ -259,8 +262,11 @@ class _StationarityProgram:
         return found
 
     def _measured(self, segments: _Segments, at_ends: Array, multipliers: Array) -> MeshCostates:
-        """Costates at all knots from those at the stretches' ends, and the violation at each interval's worse end."""
-        (K, n), motion = self.torque_level.shape, self.motion
+        """Costates at all knots from those at the stretches' ends, and the violation at each interval's worse end.
+
+        Integrals are by Simpson's rule, with the intervals' ends and middles as points.
+        """
+        (K, n), motion, h = self.torque_level.shape, self.motion, np.diff(self.motion.t)
         scaled = np.empty((K + 1, 2 * n))
         of_interval = np.searchsorted(segments.ends, np.arange(K), side="right") - 1
         size = np.zeros((len(segments.propagator), len(self.limits.state)))
@@ -271,14 +277,26 @@ class _StationarityProgram:
         scaled[segments.ends] = at_ends
         for m in np.setdiff1d(np.arange(K), segments.ends)[::-1]:
             scaled[m] = self.propagator[m] @ scaled[m + 1] + added[m]
-        switching = np.einsum("kij,kj->ki", self.switching_gain, scaled[:, n:])
+        middle = np.einsum("kij,kj->ki", self.second_half, scaled[1:]) + added / 2
+        rates = np.concatenate([scaled, middle])[:, n:]
+        switching, between = np.split(np.einsum("kij,kj->ki", self.switching_gain, rates), [K + 1])
         both = np.stack([switching[:-1], switching[1:]])
         falls = np.max(np.maximum(both * self.torque_level, both * (self.torque_level - 1)), axis=0)
         hamiltonian = 1 + np.sum(self.state_rate * np.stack([scaled[:-1], scaled[1:]]), axis=2)
-        missed = (np.sum(falls, axis=1) + np.max(np.abs(hamiltonian), axis=0)) * np.diff(motion.t) / motion.t[-1]
+        missed = (np.sum(falls, axis=1) + np.max(np.abs(hamiltonian), axis=0)) * h / motion.t[-1]
+        x, rho = (
+            np.concatenate([each[:-1], inner, each[1:]]) for each, inner in ((motion.x, self.middle), (scaled, middle))
+        )
+        part = np.concatenate([h, 4 * h, h])[:, None] / 6
         return MeshCostates(
             t=motion.t,
             costate=scaled / motion.size,
+            q=x[:, :n],
+            v=x[:, n:],
+            tau=np.tile(motion.tau, (3, 1)),
+            pushed=part * (rho / motion.size)[:, n:],
+            switched=part * np.concatenate([switching[:-1], between, switching[1:]]) / self.width,
+            velocity=-h @ np.abs(held[:, n:]),
             switching=switching / self.width,
             held=held,
             missed=missed,

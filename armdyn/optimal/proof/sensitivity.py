@@ -14,9 +14,8 @@ from armdyn.arrays import Array
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import GoalPose, free_directions
-from armdyn.optimal.arcs.arc import Mode
-from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.proof.costates import Costates
 from armdyn.reprs import brief
 
 RATE_LIMITS = {1: "velocity limit", 2: "acceleration limit", 3: "jerk limit"}
@@ -45,40 +44,29 @@ class Sensitivities:
         return self.effort_upper - self.effort_lower
 
 
-def sensitivities(problem: MinimumTimeProblem, phases: Phases) -> Sensitivities:
-    """Sensitivities of an optimum with known arcs.
+def sensitivities(problem: MinimumTimeProblem, costates: Costates) -> Sensitivities:
+    """Sensitivities of an optimum.
 
     By the envelope theorem they are the partial derivatives of the Lagrangian: active limits, and rates by the
     costates.
 
     Args:
         problem: the minimum-time problem.
-        phases: its optimum.
+        costates: costates of its optimum.
     """
-    upper, lower, velocity = by_limits(phases)
-    return Sensitivities(_by_payload_mass(problem, phases), upper, lower, velocity)
+    by_mass = _by_payload_mass(problem, costates)
+    return Sensitivities(by_mass, costates.effort_upper, costates.effort_lower, costates.velocity)
 
 
-def by_limits(phases: Phases) -> tuple[Array, Array, Array]:
-    """∂t_f/∂(upper, lower torque limits) and ∂t_f/∂(velocity limits), see `Sensitivities`."""
-    modes, torque = phases.modes, phases.torque_multiplier.sum(axis=1)
-    speed = phases.state_multiplier[:, :, 1].sum(axis=1)
-    speed[:-1] += phases.knot_multiplier[:, 1]
-    forward = 1.0 * (modes == Mode.VELOCITY_UPPER) - (modes == Mode.VELOCITY_LOWER)
-    upper, lower = (np.sum(torque * (modes == mode), axis=0) for mode in (Mode.UPPER, Mode.LOWER))
-    return upper, lower, np.sum(speed * forward, axis=0)
-
-
-def _by_payload_mass(problem: MinimumTimeProblem, phases: Phases) -> float:
+def _by_payload_mass(problem: MinimumTimeProblem, costates: Costates) -> float:
     robot, n = problem.robot, problem.robot.nv
     dynamics = Dynamics(robot, payload_frame=robot.tip)
     per_kg = dynamics.payload_parameters(pin.Inertia(1.0, np.zeros(3), np.zeros((3, 3))))
     q, v, tau, m = (ca.SX.sym(name, size) for name, size in (("q", n), ("v", n), ("tau", n), ("m", 1)))
     a = dynamics.aba(q, v, tau, m * ca.DM(per_kg))
     rate = ca.Function("by_mass", [q, v, tau], [ca.substitute(ca.jacobian(a, m), m, 0)])
-    columns = [x.reshape(-1, n).T for x in (phases.stage_q, phases.stage_v, phases.tau)]
-    da = np.array(rate.map(columns[0].shape[1])(*columns)).T
-    return float(np.sum(phases.stage_costate[:, :, n:].reshape(-1, n) * da))
+    da = np.array(rate.map(len(costates.q))(costates.q.T, costates.v.T, costates.tau.T)).T
+    return float(np.sum(costates.pushed * da))
 
 
 @dataclass(frozen=True)
@@ -107,20 +95,20 @@ class Share(Checked):
         return f"{self.joint}'s {self.limit}"
 
 
-def deciding(problem: MinimumTimeProblem, phases: Phases, least: float) -> tuple[Share, ...]:
-    """Limits that decide the time of an optimum with known arcs, largest share first; none with an effort weight.
+def deciding(problem: MinimumTimeProblem, costates: Costates, least: float) -> tuple[Share, ...]:
+    """Limits that decide the time of an optimum, largest share first; none with an effort weight.
 
     Args:
         problem: the minimum-time problem.
-        phases: its optimum.
+        costates: costates of its optimum.
         least: least share.
     """
     if problem.effort_weight > 0:  # multipliers are derivatives of the cost, not of the time
         return ()
     names, limits = problem.robot.joint_names, problem.limits
-    upper, lower, velocity = by_limits(phases)
-    torque = -(upper * limits.actuators.upper + lower * limits.actuators.lower) / phases.duration
-    speed = -velocity * np.where(velocity == 0, 0.0, limits.velocity) / phases.duration
+    upper, lower, velocity = costates.effort_upper, costates.effort_lower, costates.velocity
+    torque = -(upper * limits.actuators.upper + lower * limits.actuators.lower) / costates.t[-1]
+    speed = -velocity * np.where(velocity == 0, 0.0, limits.velocity) / costates.t[-1]
     return shares_of({"torque limit": torque, "velocity limit": speed}, names, least)
 
 
@@ -138,20 +126,22 @@ def shares_of(parts: Mapping[str, Array], joints: Sequence[str], least: float) -
     return tuple(sorted((Share(*one) for one in each if one[2] > least), key=lambda share: -share.part))
 
 
-def end_gradient(robot: Robot, goal: GoalPose, q: Array, phases: Phases) -> Array:
+def end_gradient(robot: Robot, goal: GoalPose, q: Array, costates: Costates) -> Array:
     """Gradient of the duration with respect to the goal, along the joint positions that reach the pose [s/rad], (nv,).
 
     Args:
         robot: the arm.
         goal: goal pose of a frame.
         q: joint positions at the goal [rad or m], shape (nv,).
-        phases: phases of the motion to q, with costates.
+        costates: costates of the motion to q.
     """
     free = free_directions(robot, goal, q)
-    return np.asarray(-free @ (free.T @ phases.costate[-1, : robot.nv]))
+    return np.asarray(-free @ (free.T @ costates.costate[-1, : robot.nv]))
 
 
-def transversality(problem: MinimumTimeProblem, goal: GoalPose | None, q: Array, phases: Phases | None) -> float | None:
+def transversality(
+    problem: MinimumTimeProblem, goal: GoalPose | None, q: Array, costates: Costates | None
+) -> float | None:
     """Transversality error of the costates at the end; see `Certificate.transversality`.
 
     The costates at the end are the derivatives with respect to the goal, ∂t_f/∂q = −ρ_q(t_f). If a continuum of joint
@@ -162,7 +152,7 @@ def transversality(problem: MinimumTimeProblem, goal: GoalPose | None, q: Array,
         problem: problem of the motion.
         goal: goal pose of a frame; None: the goal is a point.
         q: joint positions at the goal [rad or m], shape (nv,).
-        phases: phases of the motion to q, with costates; None: unknown.
+        costates: costates of the motion to q; None: unknown.
 
     Returns:
         inf if unknown, as in a region with tolerances; None: the joint positions are isolated.
@@ -173,7 +163,7 @@ def transversality(problem: MinimumTimeProblem, goal: GoalPose | None, q: Array,
         return float("inf")
     if not free_directions(problem.robot, goal, q).size:
         return None
-    if phases is None:
+    if costates is None:
         return float("inf")
     way = np.linalg.norm(q - problem.poses[-2])
-    return float(np.linalg.norm(end_gradient(problem.robot, goal, q, phases)) * way / phases.duration)
+    return float(np.linalg.norm(end_gradient(problem.robot, goal, q, costates)) * way / costates.t[-1])

@@ -356,7 +356,8 @@ def _judged(task: Task, attempt: Attempt, remark: str) -> _Judged | None:
             switching=costates.switching,
         )
     certificate = repeated(problem, found.trajectory, certificate)  # not repeatable: try another optimum
-    return _Judged(replace(found, certificate=certificate), saving, to_divide)
+    known = costates if saving <= SAVING_TOLERANCE else None
+    return _Judged(replace(found, certificate=certificate, costates=known), saving, to_divide)
 
 
 def _intervals_to_divide(task: Task, motion: Shooting, replay: Trajectory, costates: MeshCostates | None) -> Flags:

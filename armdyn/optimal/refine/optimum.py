@@ -11,6 +11,7 @@ from armdyn.optimal.path_constraints.tightened import ConstraintReports
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.proof.certificate import Certificate, certify
+from armdyn.optimal.proof.costates import Costates, costates_of
 from armdyn.optimal.proof.sensitivity import Share
 from armdyn.trajectory import Trajectory
 
@@ -25,6 +26,7 @@ class Optimum:
         cost: objective J [s].
         intervals: number of intervals of its mesh.
         phases: solved arcs; None: not resolved, with the reason in the certificate.
+        costates: costates of an extremal; None: unknown.
         iterations: iterations of IPOPT.
         worst_violation: worst violation of the mesh's solution, if it did not converge.
         reports: reports on the path constraints.
@@ -38,6 +40,7 @@ class Optimum:
     cost: float
     intervals: int
     phases: Phases | None = None
+    costates: Costates | None = None
     iterations: int = 0
     worst_violation: Violation | None = None
     reports: ConstraintReports = field(default_factory=ConstraintReports)
@@ -70,7 +73,11 @@ class Optimum:
         motion = replace(replay, name="minimum time")
         certificate = certify(problem, motion, phases, remark)
         certificate = certificate if idle is None else replace(certificate, idle=idle)
-        return cls(motion, certificate, trajectory_cost(motion, problem.effort_weights()), intervals, phases, **more)
+        cost, costates = (
+            trajectory_cost(motion, problem.effort_weights()),
+            costates_of(problem, phases) if phases else None,
+        )
+        return cls(motion, certificate, cost, intervals, phases, costates, **more)
 
     @property
     def error(self) -> float:

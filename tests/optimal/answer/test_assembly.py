@@ -123,7 +123,7 @@ def test_deciding_limits_are_by_multipliers_or_arcs(task):
     assert answer(task, replace(optimum(task), decides=shares)).decides == shares
     assert answer(task, optimum(task)).decides == ()
     arcs = solved("rr")
-    assert answer(task, replace(optimum(task), phases=arcs.phases)).decides == arcs.decides
+    assert answer(task, replace(optimum(task), costates=arcs.costates)).decides == arcs.decides
 
 
 def test_success_is_a_usable_motion_of_a_solve_that_was_not_stopped(task):

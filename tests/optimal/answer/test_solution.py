@@ -36,10 +36,10 @@ def test_errors_of_the_replay_are_the_certificates():
     assert missed[2:].max() <= solution.replay_velocity_error <= 2 * missed[2:].max() + floor
 
 
-def test_sensitivities_need_arcs():
+def test_sensitivities_need_costates():
     solution = solved("r")
     assert solution.sensitivities() is not None
-    assert replace(solution, phases=None).sensitivities() is None
+    assert replace(solution, costates=None).sensitivities() is None
 
 
 def test_it_does_not_change():

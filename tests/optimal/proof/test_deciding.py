@@ -64,8 +64,8 @@ def test_most_comes_first():
 
 def test_of_the_cost_of_effort_nothing_is_said():
     solution = solved("r")
-    assert deciding(solution.problem.variant(effort_weight=1.0), solution.phases, 1e-6) == ()
-    assert deciding(paper_problem("r"), solution.phases, 1e-6) == solution.decides
+    assert deciding(solution.problem.variant(effort_weight=1.0), solution.costates, 1e-6) == ()
+    assert deciding(paper_problem("r"), solution.costates, 1e-6) == solution.decides
 
 
 @pytest.mark.parametrize("wrong", [{"limit": 1}, {"joint": None}, {"part": float("nan")}, {"part": "half"}])

@@ -8,11 +8,12 @@ import pytest
 
 import armdyn as ad
 from armdyn.models.scene.reaching import free_directions, slid
+from armdyn.optimal.answer.goals import _slid_end
 from armdyn.optimal.proof.sensitivity import end_gradient, transversality
 from armdyn.optimal.search.goals import screened
 from armdyn.optimal.task.task import Task
 from oracles import robot_named
-from problems import paper_arm
+from problems import mesh_alone, paper_arm
 
 START, GOAL = [0, -1, 1, -1, -1.5, 0], np.array([-1.5, -1.8, 1.6, -0.4, 0.3, 1.0])
 
@@ -110,10 +111,30 @@ def test_an_extremal_end_is_orthogonal_to_the_joint_positions_that_reach_its_pos
         options = ad.MinimumTimeOptions(guesses=(solution.trajectory,), starts=1)
         other = ad.solve_minimum_time(problem.variant(q_goal=near, goal_pose=None), options)
         assert other.certificate.extremal and other.duration > solution.duration
-        missed = transversality(problem, pose, near, other.phases)
+        missed = transversality(problem, pose, near, other.costates)
         assert missed > 1e-3 and not replace(other.certificate, transversality=missed).extremal
-        slope = end_gradient(robot, pose, near, other.phases)
+        slope = end_gradient(robot, pose, near, other.costates)
         assert slope @ (near - q) > 0
+
+
+@pytest.mark.slow
+def test_an_end_descends_along_its_pose_by_the_costates_of_meshes():
+    robot = paper_arm("rrr")
+    start, goal = np.split(np.random.default_rng(1).uniform(-1.5, 1.5, 6), 2)
+    pose = ad.GoalPose(robot.tip, placement(robot, goal).translation)
+    posed = ad.MinimumTimeProblem(robot, q_start=start, goal_pose=pose)
+    fastest = np.array([0.48032713, 0.52767955, 0.27926917])  # of exact arcs, where transversality is missed by 1e-5
+    (free,) = free_directions(robot, pose, fastest).T
+
+    def solved(known, q):
+        return mesh_alone(posed.variant(q_goal=q, goal_pose=None), guesses=(known.trajectory,), starts=1)
+
+    first = mesh_alone(posed.variant(q_goal=slid(robot, pose, fastest, 0.05 * free, posed.limits), goal_pose=None))
+    assert transversality(posed, pose, first.problem.x_goal[:3], first.costates) > 5e-3
+    last = _slid_end(first, pose, Task.of(posed).policy.goals, solved)
+    assert last.arcs == () and transversality(posed, pose, last.problem.x_goal[:3], last.costates) < 1e-3
+    assert last.duration == pytest.approx(0.16528390, rel=2e-6)  # with arcs; the mesh is a millionth slower
+    np.testing.assert_allclose(last.problem.x_goal[:3], fastest, atol=2e-3)  # of second order in the duration
 
 
 @pytest.mark.slow
