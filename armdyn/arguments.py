@@ -379,34 +379,47 @@ def _real(value: object) -> Array | None:
     if type(value) is np.ndarray and value.dtype == float and value.size <= MOST_NUMBERS:  # inner loops come by
         return value.astype(float)
     try:
-        if isinstance(value, str | bytes) or _count(value) > MOST_NUMBERS or _has_other_entries(value):
-            return None
-        array = np.array(value)
+        array = np.array(_entries(value, _lengths(value)))
         if array.dtype.kind == "O" and all(isinstance(x, Real) and not isinstance(x, bool) for x in array.flat):
             array = array.astype(float)  # fractions, integers beyond 64 bits
-        if array.dtype.kind not in "iuf":
-            return None
-        return array.astype(float)
-    except Exception:  # rows of different length, integers beyond floats, any error of a foreign __array__
+        return array.astype(float) if array.dtype.kind in "iuf" else None
+    except Exception:  # lists of no right length, integers beyond floats, any error of a foreign __array__
         return None
 
 
-def _count(value: object) -> int:
-    """Number of elements of nested lists, if all lists of one depth are as long as the first."""
-    count, depth = 1, 0
-    while isinstance(value, Sequence) and not isinstance(value, str | bytes) and 0 < count <= MOST_NUMBERS:
-        count *= len(value)
-        value, depth = value[0] if value else None, depth + 1
-        if depth > _DEEPEST:  # a list that contains itself
-            return MOST_NUMBERS + 1
-    size = getattr(value, "size", 1)  # of an array
-    return count * (size if isinstance(size, int) else 1)
+def _lengths(value: object) -> list[int]:
+    """Shape of nested lists and arrays, by the first entry of each list.
+
+    Raises:
+        ValueError: they are too many, or too deep: a list that contains itself.
+    """
+    lengths: list[int] = []
+    while isinstance(value, Sequence) and not isinstance(value, str) and 0 not in lengths:
+        lengths.append(len(value))
+        value = value[0] if lengths[-1] else None
+        if len(lengths) > _DEEPEST:
+            raise ValueError
+    lengths += getattr(value, "shape", ())  # of an array
+    if math.prod(lengths) > MOST_NUMBERS:
+        raise ValueError
+    return lengths
 
 
-def _has_other_entries(value: object) -> bool:
-    """Whether there are booleans in lists, or masked entries, which numpy turns into numbers."""
+def _entries(value: object, lengths: list[int]) -> object:
+    """Nested lists of known lengths as lists of numbers and arrays: other sequences may be read without end.
+
+    Raises:
+        ValueError: other lengths, booleans or masked entries, which numpy turns into numbers, or no numbers.
+    """
     import numpy as np
 
-    if isinstance(value, list | tuple):
-        return any(isinstance(x, bool | np.bool_) or _has_other_entries(x) for x in value)
-    return isinstance(value, np.ma.MaskedArray) and bool(np.ma.is_masked(value))
+    if hasattr(value, "__array__"):
+        if isinstance(value, np.bool_) or (isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value)):
+            raise ValueError
+        return value
+    if lengths and isinstance(value, Sequence) and not isinstance(value, str | bytes) and len(value) == lengths[0]:
+        members = list(islice(value, lengths[0]))
+        return members if set(map(type, members)) <= {int, float} else [_entries(x, lengths[1:]) for x in members]
+    if lengths or isinstance(value, bool) or not isinstance(value, Real):
+        raise ValueError
+    return value

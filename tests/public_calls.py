@@ -30,13 +30,24 @@ class Hostile:
     __hash__ = object.__hash__
 
 
+class Unending:
+    """A sequence of ten million numbers by its length, and without end where it is read."""
+
+    def __len__(self):
+        return 10**7
+
+    def __getitem__(self, index):
+        return 1.0
+
+
 ITSELF: list[Any] = []
 ITSELF.append(ITSELF)
 NONSENSE = (
     None, "rr", "1.5", "", b"1", 1j, [1, 2j], [[1.0], [1.0, 2.0]], ["1", "2"], [None, 1.0], {}, {"a": 1}, {1.0},
     object(), Hostile(), [Hostile()], np.array(["a", "b"]), np.array([True, False]), np.array([1j, 2]),
     np.array([None, 1]), np.array("2026-01-01", dtype="datetime64"), [True, 1.0], Ellipsis, ad.Robot, ad, np.ma.masked,
-    ITSELF, [ITSELF, 1.0], np.ma.array([1.0, 2.0], mask=[True, False]), [np.ma.masked, 1.0], ["\ud800", np.nan],
+    ITSELF, [ITSELF, 1.0], Unending(), [[1.0], Unending()], [1.0] * 300,
+    np.ma.array([1.0, 2.0], mask=[True, False]), [np.ma.masked, 1.0], ["\ud800", np.nan],
 )  # fmt: skip
 """An object that is no number, no array of numbers, and no other expected type."""
 

@@ -1,6 +1,7 @@
 """Checks return the value itself or raise an `ArmdynError` that names the argument."""
 
 import inspect
+from collections import deque
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -15,7 +16,7 @@ from armdyn.errors import ArmdynError, ProblemError, SpecError, UrdfError
 from armdyn.paper import IndirectOptions, compare_with_direct, solve_indirect
 from oracles import two_links
 from problems import CART
-from public_calls import NONSENSE, Hostile, defaults, values
+from public_calls import NONSENSE, Hostile, Unending, defaults, values
 
 RR = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
 START, GOAL = [0.0, 0.0], [1.0, -0.5]
@@ -192,3 +193,21 @@ def test_lists_in_themselves_and_masks_are_refused_at_once():
         with pytest.raises(ProblemError, match="expected numbers"):
             arguments.numbers(wrong, "q")
     assert arguments.numbers(np.ma.array([1, 2]), "q").tolist() == [1.0, 2.0]  # nothing in it is masked
+
+
+def test_sequences_without_end_are_refused_at_once():
+    bomb = [0.0]
+    for _ in range(40):
+        bomb = [bomb, bomb]
+    for wrong in (Unending(), [Unending()], [[1.0], Unending()], [[1.0], bomb], [1.0, bomb], range(10**9)):
+        with pytest.raises(ProblemError, match="expected numbers"):
+            arguments.numbers(wrong, "q")
+
+
+@pytest.mark.parametrize(
+    "rows", [[[1, 2], [3, 4]], [np.array([1, 2]), [3.0, 4]], [(1, 2), np.array([3, 4])], deque([range(1, 3), [3, 4]])]
+)
+def test_rows_are_lists_arrays_and_other_sequences(rows):
+    assert arguments.numbers(rows, "q").tolist() == [[1.0, 2.0], [3.0, 4.0]]
+    with pytest.raises(ProblemError, match="expected numbers"):
+        arguments.numbers([*rows, [5.0]], "q")

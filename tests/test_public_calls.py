@@ -46,6 +46,7 @@ ALIASES |= {
     "name": "no frame|no pose",
     "duration": "samples|motion cannot be started",
     "frame": "frame|dwell",
+    "values": "--limit",
 }
 """Other names of arguments in messages; of a file or a name its value is enough."""
 RESULTS = {

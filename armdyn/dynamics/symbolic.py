@@ -12,7 +12,7 @@ import pinocchio as pin
 from armdyn.arguments import expect, flag, numbers
 from armdyn.arrays import Array
 from armdyn.errors import BridgeError, SpecError
-from armdyn.locks import built_once
+from armdyn.locks import built_once, cached_property
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.robots.tree import Tree
 
@@ -36,11 +36,10 @@ class Dynamics:
         nv: number of joints.
         payload_frame: the frame that carries the symbolic payload, or None.
         last_body: dynamic parameters of the last joint's body, shape (10,), where they are an argument; else (0,).
-        functions: the casadi Functions by name.
     """
 
     def __init__(self, robot: Robot, payload_frame: str | None = None, free_last_body: bool = False):
-        """Build, or take from the cache, the Functions of a robot.
+        """Equations of a robot; they are built when they are first used.
 
         Args:
             robot: an arm.
@@ -53,7 +52,6 @@ class Dynamics:
         Raises:
             ProblemError: robot is no Robot.
             UrdfError: its torques are unknown, see `Robot.expect_dynamics`.
-            BridgeError: the installed casadi is not the one the bridge was built for.
             SpecError: no such frame, or it does not move; or both of the above.
         """
         self.robot = expect_robot(robot)
@@ -76,10 +74,19 @@ class Dynamics:
         friction = robot.friction
         rows = (*friction.per_joint(self.nv), np.broadcast_to(friction.width, self.nv)) if friction.present else ()
         rubs = tuple(row.tobytes() for row in rows)
-        self.functions = _with_friction(self._tree, *rubs) if rubs else _functions(*self._tree)
+        self._friction = rubs
         present = tuple((self.last_body != 0).tolist())
         data = repr((self._tree, rubs, present, ca.CasadiMeta.version())).encode()
         self._digest = hashlib.sha256(data).hexdigest()
+
+    @cached_property
+    def functions(self) -> dict[str, ca.Function]:
+        """The casadi Functions by name, built or from a cache: 5 s of an arm of 80 joints.
+
+        Raises:
+            BridgeError: the installed casadi is not the one the bridge was built for.
+        """
+        return _with_friction(self._tree, *self._friction) if self._friction else _functions(*self._tree)
 
     def aba(self, q: Value, v: Value, tau: Value, *payload: Value) -> Any:
         """Acceleration a [rad/s²], shape (nv,), of torque tau [N m]: the articulated-body algorithm."""

@@ -211,15 +211,23 @@ def test_unknown_and_unmoving_frames_are_refused():
         Dynamics(robot).payload_parameters(pin.Inertia.Zero())
 
 
+def test_equations_are_built_when_they_are_first_used():
+    """Those of 80 joints take 5 s, which no time limit ends: what needs none of them does without."""
+    dynamics = Dynamics(robot_named("rr"))
+    assert "functions" not in vars(dynamics) and dynamics == Dynamics(robot_named("rr"))
+    dynamics.gravity([0.0, 0.0])
+    assert "functions" in vars(dynamics)
+
+
 def test_another_casadi_is_refused(monkeypatch):
     import _armdyn_bridge
 
     monkeypatch.setattr(_armdyn_bridge, "casadi_version", "3.5.1")
     symbolic._functions.__wrapped__.cache_clear()  # or the check would not run for a robot that was built before
     with pytest.raises(BridgeError, match=r"built with casadi 3\.5\.1 but casadi"):
-        Dynamics(robot_named("r"))
+        Dynamics(robot_named("r")).crba([0.0])
     monkeypatch.undo()
-    Dynamics(robot_named("r"))
+    Dynamics(robot_named("r")).crba([0.0])
 
 
 ROTOR = '<inertial><mass value="0"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.2"/></inertial>'

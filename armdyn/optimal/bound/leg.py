@@ -113,6 +113,11 @@ class BoundLeg:
         """Friction in the joints."""
         return self.dynamics.robot.friction
 
+    @property
+    def has_momentum(self) -> bool:
+        """Whether its momentum is bounded: by velocity limits of all joints, of which there are not too many."""
+        return bool(np.all(np.isfinite(self.velocity))) and len(self.velocity) <= self.policy.momentum_joints
+
     @cached_property
     def inertia(self) -> Interval:
         """M at the start and at the goal [kg m²], enclosed over their boxes, shape (2, nv, nv)."""

@@ -29,7 +29,7 @@ def leg_bound(leg: BoundLeg, stop: StopCondition, known: float = 0.0) -> tuple[f
     """
     alone = leg.alone(leg.away)
     known, joint = max(known, float(np.max(alone))), int(np.argmax(alone))
-    if known == 0 or not np.all(np.isfinite(leg.velocity)):
+    if known == 0 or not leg.has_momentum:
         return known, joint
     numbers, horizon = leg.policy, leg.policy.horizon
     for _ in range(numbers.grids):
@@ -65,7 +65,7 @@ def _on_grid(leg: BoundLeg, known: float, joint: int, longest: float, stop: Stop
             if known < before * (1 + numbers.least_gain):
                 break
         if done + 1 < numbers.passes:
-            cells = cells.narrowed(leg, reached(leg, cells, forces))
+            cells = cells.narrowed(leg, reached(leg, cells, forces, stop))
     return known, joint, full or known == longest
 
 
@@ -80,9 +80,9 @@ def phased_bound(leg: BoundLeg, phases: Sequence[Phase], known: float, longest: 
         stop: stopping condition, polled regularly; once true, the bound so far is returned.
     """
     cells = Cells.in_phases(leg, phases, longest)
-    if cells is not None and np.all(cells.elastic):
+    if cells is not None and (np.all(cells.elastic) or not leg.has_momentum):
         return known  # momentum gives no bound if motions may take no time
-    cells = None if cells is None else cells.narrowed(leg, reached(leg, cells, cells.forces(leg)))
+    cells = None if cells is None else cells.narrowed(leg, reached(leg, cells, cells.forces(leg), stop))
     if cells is None:
         return longest
     forces, ends = cells.forces(leg), cells.ends(leg)

@@ -46,7 +46,7 @@ def pose_bound(problem: MinimumTimeProblem, leg: BoundLeg, stop: StopCondition) 
     near = min(nearby, key=lambda one: one.shortest)
     kinematic = _kinematic(goals, near.shortest, stop)
     known, joint = kinematic, int(np.argmax(near.kinematic))
-    if kinematic == 0 or not np.all(np.isfinite(leg.velocity)):
+    if kinematic == 0 or not leg.has_momentum:
         return kinematic, joint, kinematic
     # The set's bound is at most that of any goal in it; that goal may be far from the fastest one.
     longest = min(leg_bound(near, stop)[0], known * numbers.most_momentum)
@@ -147,11 +147,13 @@ def lower_bound(
 
     Far from both ends the boxes are wide, and torque limits have little effect on the bound. If the fastest ramps move
     other joints away from their goals, the bound therefore misses the time for their return: some 2 % in one of ten
-    random motions of a Panda, almost nothing in the others.
+    random motions of a Panda, almost nothing in the others. Beyond 32 joints momentum is left out: its work grows with
+    the fifth power of their number, and a humanoid's gains 0.05 %.
 
     Args:
         problem: the minimum-time problem.
-        stop: stopping condition, polled regularly; once true, the bound so far is returned.
+        stop: stopping condition, polled regularly, of 30 joints every few seconds; once true, the bound so far is
+            returned.
         policy: tuned numbers; None: the defaults. The bound is valid for any.
 
     Returns:

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.arguments import StopCondition
 from armdyn.arrays import Array, Flags
 from armdyn.optimal.bound.enclosure import terms_over
 from armdyn.optimal.bound.forces import Forces
@@ -110,8 +111,8 @@ class End:
         return self.inertia.times(self.v[:, None])[:, 0]
 
 
-def reached(leg: BoundLeg, cells: Cells, forces: Forces) -> Interval:
-    """Bounds of the velocities in every cell, from both ends, shape (n, nv)."""
+def reached(leg: BoundLeg, cells: Cells, forces: Forces, stop: StopCondition) -> Interval:
+    """Bounds of the velocities in every cell, from both ends, shape (n, nv); wider ones once stopped."""
     lower, upper = cells.v.lower.copy(), cells.v.upper.copy()
     times, fastest = cells.times, accelerations(leg, cells)
     for outward in (1, -1):
@@ -119,13 +120,17 @@ def reached(leg: BoundLeg, cells: Cells, forces: Forces) -> Interval:
         later = np.flatnonzero(cells.elastic[own[1:]])
         own = own[: later[0] + 2] if later.size else own  # beyond an elastic cell momentum is unbounded
         if end is not None:
-            found = by_momentum(leg, end, times[own], forces[own])
+            found = by_momentum(leg, end, times[own], forces[own], stop)
             met = found.meet(_accelerated(end, times.upper[own], fastest[own]))
             lower[own], upper[own] = np.maximum(lower[own], met.lower), np.minimum(upper[own], met.upper)
     return Interval(lower, upper)
 
 
-def by_momentum(leg: BoundLeg, end: End, times: Interval, forces: Forces) -> Interval:
+_AT_ONCE = 2**25
+"""Products of one call that nothing stops: some seconds of arms of 30 joints, which have 500 multipliers."""
+
+
+def by_momentum(leg: BoundLeg, end: End, times: Interval, forces: Forces, stop: StopCondition) -> Interval:
     """Bounds of the velocities in consecutive cells, shape (k, nv).
 
     Args:
@@ -133,18 +138,24 @@ def by_momentum(leg: BoundLeg, end: End, times: Interval, forces: Forces) -> Int
         end: end at which the first cell begins.
         times: lengths of the cells [s], shape (k,).
         forces: forces over the cells, in order from the end.
+        stop: stopping condition, polled between multipliers of large arms; once true, the bounds so far are returned.
     """
-    w, joint = multipliers(leg, end)
-    units = np.zeros_like(w)
-    units[joint, np.arange(len(joint))] = 1.0
-    rate = forces.rate(w)
-    changes = (times[:, None] * (rate if end.outward > 0 else -rate)).running()
-    at_nodes = end.momentum[None].times(w) + changes
-    momentum = at_nodes[:-1].hull(at_nodes[1:])
-    bounds = momentum + forces.rate(np.zeros_like(w), Interval.at(units), Interval.at(-w))
-    each = [np.flatnonzero(joint == b) for b in range(len(leg.velocity))]
-    lower = np.stack([np.max(bounds.lower[:, own], axis=1) for own in each], axis=1)
-    upper = np.stack([np.min(bounds.upper[:, own], axis=1) for own in each], axis=1)
+    each, joint = multipliers(leg, end)
+    lower, upper = forces.v.lower.copy(), forces.v.upper.copy()
+    many = max(1, _AT_ONCE // forces.terms.inertia_derivatives.lower.size)
+    for first in range(0, len(joint), many):
+        if first and stop():
+            break
+        w, own = each[:, first : first + many], joint[first : first + many]
+        units = np.zeros_like(w)
+        units[own, np.arange(len(own))] = 1.0
+        rate = forces.rate(w)
+        changes = (times[:, None] * (rate if end.outward > 0 else -rate)).running()
+        at_nodes = end.momentum[None].times(w) + changes
+        momentum = at_nodes[:-1].hull(at_nodes[1:])
+        bounds = momentum + forces.rate(np.zeros_like(w), Interval.at(units), Interval.at(-w))
+        np.maximum.at(lower, (slice(None), own), bounds.lower)
+        np.minimum.at(upper, (slice(None), own), bounds.upper)
     return forces.v.meet(Interval(lower, upper))
 
 

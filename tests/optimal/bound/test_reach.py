@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from armdyn.dynamics.numeric import forward_dynamics
+from armdyn.optimal.bound import reach
 from armdyn.optimal.bound.cells import Cells
 from armdyn.optimal.bound.leg import legs_of
 from armdyn.optimal.bound.reach import reached
@@ -20,7 +21,7 @@ def nested(problem, passes=3, ahead=1.5):
     known = leg.shortest
     cells = Cells.of(leg, known / 2, ahead * known)
     for _ in range(passes):
-        cells = cells.narrowed(leg, reached(leg, cells, cells.forces(leg)))
+        cells = cells.narrowed(leg, reached(leg, cells, cells.forces(leg), lambda: False))
     return leg, cells
 
 
@@ -93,3 +94,16 @@ def test_shorter_sides_keep_known_bounds():
         assert np.all(cut.v.upper[i] >= cells.v.upper[k])
         assert np.all(cut.v.lower[-1 - i] <= cells.v.lower[-1 - k])
     assert np.all(cut.v.upper[0] < leg.velocity)
+
+
+def test_many_multipliers_are_tried_in_groups_and_a_stop_leaves_wider_boxes(monkeypatch):
+    """Groups change a bound by rounding alone: of matrix products, 1e-12 of the speed limits."""
+    leg, cells = nested(random_problem(ARMS["ur5"](), 0), passes=1)
+    forces = cells.forces(leg)
+    whole = reached(leg, cells, forces, lambda: True)  # one group is not interrupted
+    monkeypatch.setattr(reach, "_AT_ONCE", 4 * forces.terms.inertia_derivatives.lower.size)
+    grouped, stopped = reached(leg, cells, forces, lambda: False), reached(leg, cells, forces, lambda: True)
+    room = 1e-12 * leg.velocity
+    assert np.all(np.abs(grouped.lower - whole.lower) <= room) and np.all(np.abs(grouped.upper - whole.upper) <= room)
+    assert np.all(stopped.lower <= whole.lower + room) and np.all(stopped.upper >= whole.upper - room)
+    assert np.any(stopped.upper > whole.upper + 1e-3 * leg.velocity)

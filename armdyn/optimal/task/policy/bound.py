@@ -39,6 +39,12 @@ class BoundPolicy:
         "for terms linear in q, absent from the program; of 1 to 8 it raises bounds of long ramps most",
         "first random pair of a Panda: gap 3.4 to 3.3 %; fourth of a UR5: 1.02 to 0.92 %",
     )
+    momentum_joints: int = tuned(
+        32,
+        "joints",
+        "of arms whose momentum is bounded, at most: the work grows with the fifth power",
+        "talos: 26 CPU s",
+    )
     idle: float = tuned(1e-3, "of its best worth", "a torque of less worth is ignored")
     converged: float = tuned(
         1e-6,
