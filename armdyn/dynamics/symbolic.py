@@ -73,10 +73,9 @@ class Dynamics:
         self._tree = (Tree.of(robot.model, joint, without_body=free_last_body), joint)
         friction = robot.friction
         rows = (*friction.per_joint(self.nv), np.broadcast_to(friction.width, self.nv)) if friction.present else ()
-        rubs = tuple(row.tobytes() for row in rows)
-        self._friction = rubs
+        self._friction = tuple(row.tobytes() for row in rows)
         present = tuple((self.last_body != 0).tolist())
-        data = repr((self._tree, rubs, present, ca.CasadiMeta.version())).encode()
+        data = repr((self._tree, self._friction, present, ca.CasadiMeta.version())).encode()
         self._digest = hashlib.sha256(data).hexdigest()
 
     @cached_property

@@ -56,6 +56,10 @@ class Values:
         """The attributes of all elements of a kind directly inside another; of several the last counts."""
         return cls(dict(pair for one in root.findall(tag) for pair in one.attrib.items()), source, f"<{tag}>")
 
+    def error(self, what: str) -> UrdfError:
+        """An error about the element, to raise."""
+        return UrdfError(self.source, what, self.where)
+
     def numbers(self, key: str, least: int, most: int | None = None) -> list[float]:
         """Parse an attribute of several finite numbers; empty if it is missing.
 
@@ -74,14 +78,14 @@ class Values:
         """One finite number that is not negative; 0 if it is missing."""
         value = self.number(key, 0.0)
         if value < 0:
-            raise UrdfError(self.source, f"{key} is {value}; it must not be negative", self.where)
+            raise self.error(f"{key} is {value}; it must not be negative")
         return value
 
     def word(self, key: str, known: tuple[str, ...]) -> str:
         """One of some words, the first if the attribute is missing."""
         text = self.given.get(key, known[0])
         if text not in known:
-            raise UrdfError(self.source, f"{key}={clipped(text)!r} is none of {', '.join(known)}", self.where)
+            raise self.error(f"{key}={clipped(text)!r} is none of {', '.join(known)}")
         return text
 
     def bounds(self, key: str, flag: str, automatic: bool) -> tuple[float, float] | None:
@@ -98,7 +102,7 @@ class Values:
             return None
         lower, upper = pair
         if lower > upper:
-            raise UrdfError(self.source, f"{key}: {lower} is above {upper}", self.where)
+            raise self.error(f"{key}: {lower} is above {upper}")
         return lower, upper
 
     def copy(self, to: Element, key: str, least: int, most: int | None = None) -> list[float]:
@@ -210,10 +214,10 @@ class Compiler:
         values = Values.of_all(root, "compiler", source)
         values.word("coordinate", ("local",))
         if values.number("settotalmass", -1.0) >= 0:
-            raise UrdfError(source, "settotalmass rescales all bodies; give them their masses", "<compiler>")
+            raise values.error("settotalmass rescales all bodies; give them their masses")
         eulerseq = values.given.get("eulerseq", "xyz")
         if not re.fullmatch("[xyzXYZ]{3}", eulerseq):
-            raise UrdfError(source, "eulerseq is not three of x, y, z", "<compiler>")
+            raise values.error("eulerseq is not three of x, y, z")
         first, last = values.numbers("inertiagrouprange", 2) or (0.0, np.inf)
         return cls(
             radians=1.0 if values.word("angle", ("degree", "radian")) == "radian" else float(np.pi / 180),
@@ -235,7 +239,7 @@ def gravity(root: Element, source: str) -> Array:
     values = Values.of_all(root, "option", source)
     for key in ("density", "viscosity"):
         if values.number(key, 0.0):
-            raise UrdfError(source, f"{key}: armdyn supports no drag of a fluid", "<option>")
+            raise values.error(f"{key}: armdyn supports no drag of a fluid")
     if any(flag.get("gravity") == "disable" for flag in root.findall("option/flag")):
         return np.zeros(3)
     return np.array(values.numbers("gravity", 3) or _GRAVITY)
@@ -252,7 +256,7 @@ def place(values: Values, compiler: Compiler, to: Element) -> None:
     values.copy(to, "pos", 3)
     ways = [way for way in ROTATIONS if way in values.given]
     if len(ways) > 1:
-        raise UrdfError(values.source, f"is turned by {' and by '.join(ways)}; one is enough", values.where)
+        raise values.error(f"is turned by {' and by '.join(ways)}; one is enough")
     for way in ways:
         turned = _rotation(values, way, compiler)
         to.set("quat", " ".join(repr(float(x)) for x in (turned.w, turned.x, turned.y, turned.z)))
@@ -286,5 +290,5 @@ def _rotation(values: Values, way: str, compiler: Compiler) -> pin.Quaternion:
 def _direction(vector: np.ndarray, values: Values, way: str) -> np.ndarray:
     length = np.linalg.norm(vector)
     if length < _SHORTEST:
-        raise UrdfError(values.source, f"{way}={clipped(values.given[way])!r} is no direction", values.where)
+        raise values.error(f"{way}={clipped(values.given[way])!r} is no direction")
     return np.asarray(vector / length)

@@ -80,9 +80,8 @@ class Bare:
         if name in taken:
             raise UrdfError(self.classes.source, "is defined twice", f"{kind} {clipped(name)!r}")
         if len(taken) == MAX_LINKS:
-            raise UrdfError(
-                self.classes.source, f"has more than {MAX_LINKS} {'bodies' if kind == 'body' else kind + 's'}"
-            )
+            many = "bodies" if kind == "body" else f"{kind}s"
+            raise UrdfError(self.classes.source, f"has more than {MAX_LINKS} {many}")
         taken[name] = f"{kind}{len(taken)}"
         return taken[name]
 
@@ -105,12 +104,11 @@ class Bare:
         inertial = body.find("inertial")
         if inertial is not None and self.compiler.inertia_from != "true":
             self._inertial(inertial, copy, values.where)
-        elif moves and (
-            self.compiler.inertia_from == "false" or self.compiler.least_mass + self.compiler.least_inertia
-        ):
-            what = "has no <inertial>, which inertiafromgeom, boundmass or boundinertia of <compiler> calls for"
-            raise UrdfError(self.classes.source, what, values.where)
         elif moves:
+            if self.compiler.inertia_from == "false" or self.compiler.least_mass + self.compiler.least_inertia:
+                raise values.error(
+                    "has no <inertial>, which inertiafromgeom, boundmass or boundinertia of <compiler> calls for"
+                )
             for geom in body.findall("geom"):
                 self._geom(geom, copy, inherited, values.where)
         for site in body.findall("site"):
@@ -125,8 +123,8 @@ class Bare:
         for joint in body:
             if joint.tag not in ("joint", "freejoint"):
                 continue
-            given = dict(joint.attrib, type="free") if joint.tag == "freejoint" else None
-            given = given or self.classes.attributes(joint, inherited)
+            free = joint.tag == "freejoint"
+            given = joint.attrib | {"type": "free"} if free else self.classes.attributes(joint, inherited)
             called = given.get("name") or f"{name}_joint{len(written) or ''}"
             values = Values(given, self.classes.source, f"joint {clipped(called)!r}")
             kind = values.word("type", _JOINTS)
@@ -150,7 +148,7 @@ class Bare:
             return joint
         axis = values.copy(joint, "axis", 3)
         if axis and not 1e-6 < np.linalg.norm(axis) < 1e6:
-            raise UrdfError(values.source, f"axis is {axis}; its length should be 1", values.where)
+            raise values.error(f"axis is {axis}; its length should be 1")
         if pair := values.bounds("range", "limited", self.compiler.automatic):
             unit = self.compiler.radians if joint.get("type") == "hinge" else 1.0
             joint.set("range", " ".join(repr(unit * bound) for bound in pair))
@@ -161,9 +159,9 @@ class Bare:
     def _inertial(self, inertial: Element, to: Element, where: str) -> None:
         values = Values(inertial.attrib, self.classes.source, where)
         if "mass" not in values.given or not {"diaginertia", "fullinertia"} & values.given.keys():
-            raise UrdfError(values.source, "<inertial> needs a mass, and diaginertia or fullinertia", where)
+            raise values.error("<inertial> needs a mass, and diaginertia or fullinertia")
         if "fullinertia" in values.given and ROTATIONS.keys() & values.given.keys():
-            raise UrdfError(values.source, "<inertial> has a fullinertia and is turned; one is enough", where)
+            raise values.error("<inertial> has a fullinertia and is turned; one is enough")
         least = self.compiler.least_inertia
         copy = SubElement(to, "inertial", mass=repr(max(values.positive("mass"), self.compiler.least_mass)))
         place(values, self.compiler, copy)
@@ -187,22 +185,18 @@ class Bare:
         if kind in _MASSLESS or weightless or not first <= values.number("group", 0.0) <= last:
             return
         if kind in _MESHES or "mesh" in values.given or values.given.get("shellinertia") == "true":
-            raise UrdfError(
-                values.source, "its inertia would come from a mesh or a shell: give it an <inertial>", where
-            )
+            raise values.error("its inertia would come from a mesh or a shell: give it an <inertial>")
         copy = SubElement(to, "geom", type=kind)
         ends = values.copy(copy, "fromto", 6)
         sizes = values.copy(copy, "size", 1, 3)
         if len(sizes) < _SOLIDS[kind] - bool(ends) or min(sizes) <= 0:
-            raise UrdfError(values.source, f"a {kind} needs {_SOLIDS[kind]} positive sizes", where)
+            raise values.error(f"a {kind} needs {_SOLIDS[kind]} positive sizes")
         if ends and (kind == "sphere" or np.linalg.norm(np.subtract(ends[3:], ends[:3])) < 1e-9):
-            raise UrdfError(values.source, f"fromto of a {kind} is no direction", where)
+            raise values.error(f"fromto of a {kind} is no direction")
         if not ends:
             place(values, self.compiler, copy)
-        for key in ("mass", "density"):
-            if key in values.given:
-                copy.set(key, repr(values.positive(key)))
-                break
+        if key := next((key for key in ("mass", "density") if key in values.given), None):
+            copy.set(key, repr(values.positive(key)))
 
 
 def check_moving(joints: Mapping[str, Values], moving: Sequence[str], root: Element, source: str) -> None:

@@ -154,8 +154,8 @@ def by_momentum(leg: BoundLeg, end: End, times: Interval, forces: Forces, stop: 
         at_nodes = end.momentum[None].times(w) + changes
         momentum = at_nodes[:-1].hull(at_nodes[1:])
         bounds = momentum + forces.rate(np.zeros_like(w), Interval.at(units), Interval.at(-w))
-        np.maximum.at(lower, (slice(None), own), bounds.lower)
-        np.minimum.at(upper, (slice(None), own), bounds.upper)
+        np.maximum.at(lower.T, own, bounds.lower.T)
+        np.minimum.at(upper.T, own, bounds.upper.T)
     return forces.v.meet(Interval(lower, upper))
 
 
