@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import time
 from collections import deque
@@ -36,13 +35,11 @@ class TimeLeft:
 
     def __init__(self, clock: Callable[[], float] = time.monotonic):
         self._clock, self._began = clock, clock()
-        self._n, self._sum, self._squares = 0, 0.0, 0.0
+        self._times: list[float] = []
 
     def add(self, seconds: float) -> None:
         """Add a case with its duration [s]."""
-        self._n += 1
-        self._sum += seconds
-        self._squares += seconds * seconds
+        self._times.append(seconds)
 
     def left(self, cases: int) -> tuple[float, float] | None:
         """Least and greatest likely time for a number of cases [s]; None: too early.
@@ -51,13 +48,12 @@ class TimeLeft:
         spread is that of the cases' own times: σ √(m² / n + m) for the sum of m more after n, the first term for the
         mean's uncertainty, the second for chance.
         """
-        if self._n < _FEWEST:
+        if (count := len(self._times)) < _FEWEST:
             return None
-        each = (self._clock() - self._began) / self._n
-        mean = self._sum / self._n
-        variance = max(self._squares / self._n - mean * mean, 0.0) * self._n / (self._n - 1)
-        spread = math.sqrt(variance) / mean if mean > 0 else 0.0
-        off = _SURE * spread * math.sqrt(cases * cases / self._n + cases)
+        each = (self._clock() - self._began) / count
+        mean = float(np.mean(self._times))
+        spread = float(np.std(self._times, ddof=1)) / mean if mean > 0 else 0.0
+        off = _SURE * spread * np.sqrt(cases * cases / count + cases)
         return max(cases - off, 0.0) * each, (cases + off) * each
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import Any
 
 import numpy as np
@@ -219,13 +219,8 @@ def switches(move: ShownMotion, lanes: Sequence[Sequence[Segment]], *, resolved:
 
 def _merged(pieces: Sequence[Segment]) -> list[Segment]:
     """Neighbours of the same mode as one."""
-    out: list[Segment] = []
-    for start, end, code in pieces:
-        if out and out[-1][2] == code:
-            out[-1] = (out[-1][0], end, code)
-        else:
-            out.append((start, end, code))
-    return out[:_SEGMENTS]
+    runs = (list(run) for _, run in groupby(pieces, key=lambda piece: piece[2]))
+    return [(run[0][0], run[-1][1], run[0][2]) for run in runs][:_SEGMENTS]
 
 
 def _reserves(facts: Facts, joints: int) -> dict[str, list[float]] | None:
