@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import reprlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -118,14 +118,20 @@ def optimality_words(extremal: bool, gap: float | None) -> str:
     return ", ".join(filter(None, ("locally optimal (Pontryagin)" if extremal else "", near))) or "not proven optimal"
 
 
-def saving_words(part: float, duration: float) -> str:
-    """Time saved by one per cent more of a limit, to first order: at most the limit's share, less where joints tie.
+def saving_words(part: float, duration: float, saved: float | None = None, ties: Sequence[str] = ()) -> str:
+    """Time saved by one per cent more of a limit: solved again, or to first order at most the limit's share.
 
     Args:
         part: share of the duration that the limit decides, −∂ln t_f/∂ln(limit).
         duration: t_f [s].
+        saved: time saved, solved again [s]; None: it was not.
+        ties: names of limits that tie with it, which makes the saving small.
     """
-    return f"saves at most {short_time(part * duration / 100, 2)}"
+    if saved is None:
+        return f"saves at most {short_time(part * duration / 100, 2)}"
+    return f"saves {short_time(saved, 2)}" + (
+        f", as {' and '.join(ties)} tie{'s' * (len(ties) == 1)} with it" if ties else ""
+    )
 
 
 def several_numbers(array: Any) -> str:

@@ -35,7 +35,7 @@ class CycleCost:
         name: of the step.
         condition: such as "rest", "via 1", "straight approach".
         saved: time saved without the condition [s], negative: time lost; None: no motion was found.
-        about: to first order, by the multipliers of the limits; else solved without the condition.
+        about: to first order, by the multipliers of the limits, which is the most; else solved without the condition.
     """
 
     step: int
@@ -48,7 +48,7 @@ class CycleCost:
         where = f"step {self.step} ({self.name}): " if self.step else ""
         if self.saved is None:
             return f"{where}{self.condition}: no motion was found without it"
-        return f"{where}{self.condition}: {'about ' if self.about else ''}{1e3 * self.saved:+.3g} ms saved"
+        return f"{where}{self.condition}: {'at most ' if self.about else ''}{1e3 * self.saved:+.3g} ms saved"
 
 
 def cycle_costs(

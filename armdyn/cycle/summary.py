@@ -45,7 +45,7 @@ def cycle_summary(solution: CycleSolution, before: Cycle, costs: Sequence[CycleC
         "closed": cycle.closed,
         "order": order,
         "steps": steps,
-        "decides": [asdict(one) for one in solution.shares],
+        "decides": [attributes(one, "limit", "joint", "part") for one in solution.shares],
         "costs": [_cost(cost, _number(cost.step, order)) for cost in largest],
         "checks": [{"name": name, "holds": holds, "said": said} for name, holds, said in _checks(solution)],
         "parts": list(_parts(cycle, steps)),
@@ -73,7 +73,7 @@ def _cost(cost: CycleCost, number: int) -> dict[str, Any]:
     where = f"step {number} ({cost.name}) without {cost.condition}" if number else cost.condition
     took = "no motion was found" if cost.saved is None else "no difference"
     if cost.saved is not None and abs(cost.saved) >= _NOTHING:
-        took = f"{'about ' if cost.about else ''}{short_time(abs(cost.saved))} {'less' if cost.saved > 0 else 'more'}"
+        took = f"{'at most ' if cost.about else ''}{short_time(abs(cost.saved))} {'less' if cost.saved > 0 else 'more'}"
     return asdict(cost) | {"step": number, "said": f"{where}: {took}"}
 
 
@@ -110,7 +110,7 @@ def _move(leg: CycleLeg) -> dict[str, Any]:
     solution, near = leg.solution, leg.solution.clearance
     return {
         **attributes(solution, "usable", "message", "lower_bound", "gap", "via_times"),
-        "decides": [asdict(one) for one in solution.decides],
+        "decides": [attributes(one, "limit", "joint", "part") for one in solution.decides],
         "clearance": near and attributes(near, "distance", "body", "other", "sure"),
     }
 
@@ -131,9 +131,11 @@ def _remedy(leg: CycleLeg | None, duration: float, costs: Sequence[CycleCost]) -
     if leg is None:
         choices.append((RAISED * duration, f"{percent(RAISED)} shorter"))
     else:
-        choices += [(RAISED * one.part * duration, f"{percent(RAISED)} more of it") for one in leg.solution.decides[:1]]
+        more = f"{percent(RAISED)} more of it"
+        choices += [(RAISED * one.part * duration, more) for one in leg.solution.decides[:1]]
     saved, words = max(choices, default=(0.0, ""))
-    return f"{words} saves {short_time(saved)}" if saved >= _NOTHING else ""
+    most = "at most " if leg is not None and words == more else ""
+    return f"{words} saves {most}{short_time(saved)}" if saved >= _NOTHING else ""
 
 
 def _checks(solution: CycleSolution) -> Iterator[tuple[str, bool | None, str]]:

@@ -32,7 +32,7 @@ CYCLE_UNITS = {
 """Units of a cycle's settings, by the last word of their names."""
 OUTCOMES = {
     "duration_s": "minimum time [s]", "torque_squared": "∫ τᵀτ dt [(N m)² s]", "settled_time_s": "settled time [s]",
-    "peak_error": "largest error on the way [rad]", "ms_saved_by_one_per_cent": "saved by 1 % of a limit [ms]",
+    "peak_error": "largest error on the way [rad]", "ms_saved_by_one_per_cent": "saved by 1 % of a limit, at most [ms]",
     "worst_settled_time_s": "settled time of the worst arm [s]", "success_rate": "part of the arms that settle [-]",
 }  # fmt: skip
 """Facts on the axes of figures."""

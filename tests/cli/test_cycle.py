@@ -39,7 +39,7 @@ def test_json_says_each_step_with_its_share_and_remedy(solved):
     assert facts["gap"] == pytest.approx(facts["duration"] / facts["lower_bound"] - 1)
     first, grasp, second, release = facts["steps"]
     assert (first["carries"], second["carries"]) == (None, {"name": "bolt", "mass": 0.1})
-    assert "torque of joint" in first["decided_by"] and "10 % more of it saves" in first["would_help"]
+    assert "torque of joint" in first["decided_by"] and "10 % more of it saves at most" in first["would_help"]
     assert (grasp["decided_by"], grasp["would_help"]) == ("a rest of 0.2 s", "10 % shorter saves 20 ms")
     assert (release["decided_by"], release["would_help"]) == ("", "")
     assert "step 2 (grasp bolt) without its rest: 200 ms less" in [cost["said"] for cost in facts["costs"]]

@@ -93,8 +93,8 @@ def cycle(options: CycleOptions) -> Answer:
     segments without a stop. Where a place can be reached by several joint positions, the best of them are chosen for
     the whole cycle. The lower bound is proven over all of them.
 
-    The table has the deciding limit of each step's time, and a remedy: to first order 10 % more of the limit that
-    decides most; with --costs, also the cost of each condition.
+    The table has the deciding limit of each step's time, and a remedy: at most, to first order, 10 % more of the limit
+    that decides most; with --costs, also the cost of each condition.
 
     Written are the motion with its payloads (trajectory.npz, and the files of --format), the table (steps.csv), a
     report, and result.json.

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, fields
+from contextlib import suppress
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -21,6 +22,8 @@ from armdyn.cli.options.task import ProblemOptions
 from armdyn.errors import ProblemError
 from armdyn.optimal.task.search_level import SearchLevel
 
+_CHEAP = 2.0
+"""Time of a solve [s] below which the motion is solved again, for the saving by more of the first deciding limit."""
 _WATCHED = 1.0
 """Simulated time of likely arms [s], or after a longer motion: they are many, and near to the model."""
 
@@ -160,6 +163,7 @@ def mintime(
     from armdyn.optimal.answer.solution import minimum_time_summary
     from armdyn.optimal.answer.table import solution_title, solution_words
     from armdyn.optimal.answer.words import standing
+    from armdyn.optimal.saving import with_saving
 
     try:
         problem = task.problem()
@@ -173,6 +177,10 @@ def mintime(
     folder = results.folder("mintime", task.robot.robot)
     with working(f"minimum time of {arm.name}") as progress:
         solution, curve = search.solved(problem, options, lambda: task.likely, progress)
+        if solution.solve_time < (cheap := min(_CHEAP, options.time_limit / 2)):
+            progress("time that more of the limit that decides most saves")
+            with suppress(KeyboardInterrupt):  # the motion is there
+                solution = with_saving(solution, replace(options, time_limit=cheap))
         accepted, controller_facts, controller_words = _by_controller(solution, progress, not no_costs)
         reserves, reserve_choice = _by_reserve(curve)
         summary = cut_short(minimum_time_summary(solution) | reserves | controller_facts)

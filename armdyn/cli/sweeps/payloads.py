@@ -168,7 +168,7 @@ def _table(name: str, rows: Sequence[Mapping[str, Any]]) -> Shown:
                 ", ".join(claims) or "not proven",
                 "-" if gram is None else f"{gram:.3f} ms",
                 "-" if most is None else str(most),
-                "-" if saved is None else f"{saved:.2f} ms",
+                "-" if saved is None else f"≤ {saved:.2f} ms",
             )
         )
     heads = (">payload", ">minimum time", "optimal", ">1 g costs", "limited most by", ">1 % saves")

@@ -200,7 +200,7 @@ def minimum_time_summary(solution: Solution) -> dict[str, object]:
         "extremal": certificate.extremal,
         "idle": list(certificate.idle),
         **attributes(solution, "lower_bound", "gap", "gap_proven"),
-        "decides": [attributes(one, "limit", "joint", "part") for one in solution.decides],
+        "decides": [attributes(one, "limit", "joint", "part", "saved", "ties") for one in solution.decides],
         **attributes(solution, "calm", "what_to_do"),
         "certificate": attributes(certificate, *_CHECKS),
         **attributes(solution, "replay_error", "replay_velocity_error"),

@@ -188,7 +188,7 @@ def decided_words(solution: Solution, names: Mapping[str, str] = MappingProxyTyp
     """Limits that decide the time, and the saving by more of the first alone and of all; empty if unknown.
 
     To first order, the shares are one subgradient of the time: more of one limit saves at most its share, and nothing
-    where another joint ties with it; more of all saves their sum.
+    where another joint ties with it, see `saving.with_saving`; more of all saves their sum.
 
     Args:
         solution: of a minimum-time problem.
@@ -200,8 +200,9 @@ def decided_words(solution: Solution, names: Mapping[str, str] = MappingProxyTyp
     shown = ", ".join(
         f"{names.get(one.joint, one.joint)}'s {one.limit} {100 * one.part:.3g} %" for one in shares[:_MOST_LIMITS]
     )
-    alone, together = shares[0].part, sum(one.part for one in shares)
-    saved = f"1 % more of the first alone {saving_words(alone, solution.duration)}"
+    first, together = shares[0], sum(one.part for one in shares)
+    alone = saving_words(first.part, solution.duration, first.saved, first.ties)
+    saved = f"1 % more of the first alone {alone}"
     if len(shares) > 1:
-        saved += f", 1 % more of all {short_time(together * solution.duration / 100, 2)}"
+        saved += f", 1 % more of all limits {short_time(together * solution.duration / 100, 2)}"
     return f"{shown}{' …' if len(shares) > _MOST_LIMITS else ''}; {saved}"

@@ -20,6 +20,8 @@ from armdyn.reprs import brief
 
 RATE_LIMITS = {1: "velocity limit", 2: "acceleration limit", 3: "jerk limit"}
 """Names of the limits of the positions' derivatives in a `Share`, by order."""
+MORE = 0.01
+"""Part by which a limit is raised for the time that this saves."""
 
 
 @brief
@@ -71,7 +73,7 @@ def _by_payload_mass(problem: MinimumTimeProblem, costates: Costates) -> float:
 
 @dataclass(frozen=True)
 class Share(Checked):
-    """A limit's share in the duration: −∂ln t_f/∂ln(limit). Raising the limit by 1 % saves that share of 1 %.
+    """A limit's share in the duration: −∂ln t_f/∂ln(limit). Raising the limit by 1 % saves at most that share of 1 %.
 
     A speed limit's share is the whole time of cruising at it. Without gravity and speed limits the shares of all torque
     limits sum to one half, as the time is inverse to the root of torques.
@@ -80,6 +82,8 @@ class Share(Checked):
         limit: "torque limit" or "velocity limit".
         joint: name of the joint.
         part: share of the time.
+        saved: time saved by `MORE` of this limit alone, solved again [s]; None: it was not.
+        ties: names of limits without which more of this limit hardly helps, if it was solved again.
 
     Raises:
         ProblemError: a name is no text, or the share no number.
@@ -88,6 +92,8 @@ class Share(Checked):
     limit: str = checked(text)
     joint: str = checked(text)
     part: float = checked(number)
+    saved: float | None = None
+    ties: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:

@@ -72,7 +72,7 @@ def deciding_section(facts: Facts, duration: float) -> Section | None:
         facts: of a minimum-time motion.
         duration: its [s].
     """
-    shares = [(one.text("joint"), one.text("limit"), one.number("part") or 0.0) for one in facts.parts("decides")]
+    shares = [(one.text("joint"), one.text("limit"), one.number("part") or 0.0, one) for one in facts.parts("decides")]
     if not shares:
         return None
     rows = [
@@ -81,9 +81,13 @@ def deciding_section(facts: Facts, duration: float) -> Section | None:
             element("span", f"{joint}, {limit}", class_="what"),
             element("span", element("i", style=f"width:{max(0.5, min(100.0, 100 * part)):.2f}%"), class_="share"),
             element("span", f"{100 * part:.3g} %", class_="number"),
-            element("span", f"1 % more {saving_words(part, duration)}", class_="note"),
+            element(
+                "span",
+                f"1 % more {saving_words(part, duration, one.number('saved'), one.texts('ties'))}",
+                class_="note",
+            ),
         )
-        for joint, limit, part in shares[:8]
+        for joint, limit, part, one in shares[:8]
     ]
     parts = [element("ul", *rows, class_="shares")]
     if len(shares) > 8:

@@ -296,6 +296,11 @@ def test_seconds_that_more_of_a_limit_saves_are_no_powers_of_ten_of_ms():
     facts = Facts({"decides": [{"joint": "j", "limit": "velocity limit", "part": 1.0}], "calm": 0.137})
     section = deciding_section(facts, 300.0)
     assert "1 % more saves at most 3 s" in section.body and "140 ms are given" in section.body
+    again = {"joint": "j", "limit": "velocity limit", "part": 1.0, "saved": 1e-6, "ties": ["k's jerk limit"]}
+    assert (
+        "1 % more saves 0.001 ms, as k&#x27;s jerk limit ties with it"
+        in deciding_section(Facts({"decides": [again]}), 300.0).body
+    )
 
 
 def test_a_motion_without_a_result_is_not_said_to_be_of_another_planner():

@@ -1,0 +1,86 @@
+"""Time saved by more of the limit that decides most, found by solving again."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from armdyn.errors import ProblemError
+from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.minimum_time import solve_minimum_time
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Status
+from armdyn.optimal.proof.sensitivity import MORE, Share
+from armdyn.optimal.task.options import MinimumTimeOptions
+
+_TIED = 0.1
+"""Part of the first-order saving below which another limit ties: where none does, 0.9 to 1 of it were saved."""
+_MOST_RAISED = 4
+"""Largest number of limits that are raised together, to find those that tie: each is what decides with the others."""
+
+
+def with_saving(solution: Solution, options: MinimumTimeOptions) -> Solution:
+    """The solution whose first share has `saved` and `ties`; unchanged if its limit cannot be raised, or time is up.
+
+    To first order a limit saves its share at most, and nothing where another limit ties with it: where both decide
+    the same time, more of one alone does not help. So the problem is solved again, from the solution's motion; if
+    that hardly saves time, also with more of the limit that then decides most, until it does. Joints that tie are not
+    idle.
+
+    Args:
+        solution: of a minimum-time problem.
+        options: of its solve, with a time limit for all further solves.
+    """
+    if not solution.decides or not solution.usable:
+        return solution
+    first, *others = solution.decides
+    raised, saved, until = [first], list[float](), time.perf_counter() + options.time_limit
+    most = MORE * first.part * solution.duration
+    while len(raised) <= _MOST_RAISED and (left := until - time.perf_counter()) > 0:
+        found = _solved_with(solution, raised, replace(options, time_limit=left))
+        if found is None:
+            break
+        saved.append(max(0.0, solution.duration - solution.calm - found.duration))
+        if saved[0] > _TIED * most or saved[-1] > most / 2:
+            first = replace(first, saved=saved[0], ties=tuple(one.name for one in raised[1:]))
+            idle = tuple(name for name in solution.certificate.idle if name not in {one.joint for one in raised})
+            certificate = replace(solution.certificate, idle=idle)
+            return replace(solution, decides=(first, *others), certificate=certificate)
+        known = {one.name for one in raised}
+        raised += [one for one in found.decides if one.name not in known][:1]
+        if len(raised) == len(known):
+            break
+    return solution
+
+
+def _solved_with(solution: Solution, raised: Sequence[Share], options: MinimumTimeOptions) -> Solution | None:
+    """The fastest motion with some limits raised by `MORE`; None: they cannot be raised, or none was found in time."""
+    near = replace(options, guesses=(solution.trajectory,), starts=1, bound=False, calm=0.0)
+    try:
+        found = solve_minimum_time(_with_more(solution.problem, raised), near)
+    except ProblemError:
+        return None
+    return found if found.usable and found.status is Status.SOLVED else None
+
+
+def _with_more(problem: MinimumTimeProblem, raised: Sequence[Share]) -> MinimumTimeProblem:
+    """The problem with some limits raised by `MORE`.
+
+    Raises:
+        ProblemError: a limit is a controller's, or a torque's by speed.
+    """
+    limits, kept = problem.limits, problem.reserves
+    if problem.preset is not None or not limits.actuators.constant:
+        raise ProblemError("limits of a preset and torque limits by speed are not raised alone")
+    own = {
+        "torque_limit": np.array([limits.effort_lower, limits.effort_upper]) / (1 - kept.effort),
+        "velocity_limit": limits.velocity / (1 - kept.velocity),
+        "acceleration_limit": problem.acceleration_limit,
+        "jerk_limit": problem.jerk_limit,
+    }
+    for share in raised:
+        name, k = share.limit.replace(" ", "_"), problem.robot.joint_names.index(share.joint)
+        own[name] = np.asarray(own[name]) * np.where(np.arange(problem.robot.nv) == k, 1 + MORE, 1.0)
+    effort = tuple(np.asarray(own.pop("torque_limit")))
+    return problem.variant(effort_limit=None if problem.kinematic else effort, **own)
