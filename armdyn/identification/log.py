@@ -145,7 +145,7 @@ class Log(Checked):
         if os.path.isdir(file) or file.suffix.lower() in BAGS:  # noqa: PTH112  # False for a name that is too long
             return cls._of_bag(file, joint_names)
         with reraised(LogError, "", TrajectoryError):
-            if file.suffix.lower() == ".npz" and file.is_file() and is_trajectory_file(file):
+            if is_trajectory_file(file):
                 return replace(cls.of(Trajectory.load(file)), name=file.name)
             found = read_planned(file, joint_names)
         if found.tau is None:

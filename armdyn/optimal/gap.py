@@ -112,7 +112,11 @@ def check_motion(
     """
     _check_joints(robot, trajectory)
     limits = robot.limits if limits is None else limits
-    rows = _table_rows(robot, trajectory, limits, None if a is None else _accelerations(a, trajectory))
+    given = [trajectory.q] if "v" in trajectory.derived else [trajectory.q, trajectory.v]  # as a controller has them
+    if a is not None and len(given) == 2:
+        given.append(_accelerations(a, trajectory))
+    at = np.append(True, ~trajectory.jumps)  # of the two samples of a jump the first is a row
+    rows = check_table(limits, robot.joint_names, trajectory.t[at], [each[at] for each in given])
     torque = torque_excess(limits, trajectory)
     shown = proven(robot, trajectory, torque)
     found = [shown.worst(robot)] if shown.share > 0 else []
@@ -128,17 +132,6 @@ def check_motion(
         growth=max((_growth(arm, part) for arm, part in replays), default=np.nan),
         velocity_share=max((row.share for row in rows if row.condition == "velocity"), default=0.0),
     )
-
-
-def _table_rows(robot: Robot, motion: Trajectory, limits: JointLimits, a: Array | None) -> tuple[ConditionCheck, ...]:
-    """Check of a motion's rows as a controller runs them.
-
-    Derived velocities are not given to the controller, which then goes straight from row to row; of the two samples of
-    a jump the first is a row.
-    """
-    kept = np.append(True, ~motion.jumps)
-    given = [motion.q] if "v" in motion.derived else [motion.q, motion.v] if a is None else [motion.q, motion.v, a]
-    return check_table(limits, robot.joint_names, motion.t[kept], [each[kept] for each in given])
 
 
 def _violation(robot: Robot, row: ConditionCheck) -> Violation:

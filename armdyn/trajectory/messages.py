@@ -41,14 +41,14 @@ class Content:
         columns: from the robot's joints to t [s], shape (n,); q, and perhaps v, a, tau, each of shape (n, nv).
         called: name of a sample by its index, as the user counts it.
         held: torques are means until the next row.
-        only_joints: `names` are joints, in their order.
+        message: it is ROS 2's: `names` are joints alone, in their order.
     """
 
     names: Sequence[str]
     columns: Callable[[Sequence[str]], dict[str, Array]]
     called: Callable[[int], str]
     held: bool = False
-    only_joints: bool = False
+    message: bool = False
 
 
 def read_message(file: Path) -> Content:
@@ -84,7 +84,7 @@ def read_message(file: Path) -> Content:
                 found[what] = rows[:, order]
         return found
 
-    return Content(names, columns, "points[{}]".format, held, only_joints=True)
+    return Content(names, columns, "points[{}]".format, held, message=True)
 
 
 def _content(file: Path) -> object:

@@ -136,7 +136,7 @@ def _by_ends(file: Path, content: messages.Content, ends: Sequence[str]) -> tupl
     """Names of a file's joints with given ends; see `read_planned`."""
     named = content.names
     if not any(ends):
-        whole = content.only_joints and len(ends) in (0, len(named))
+        whole = content.message and len(ends) in (0, len(named))
         if not (whole or ends):
             raise TrajectoryError(f"{file}: its joints are not known; name the robot")
         return tuple(named) if whole else tuple(f"joint{i + 1}" for i in range(len(ends)))

@@ -97,7 +97,9 @@ def bare_subject(saved: Saved, named: str | None = None) -> Subject:
     """The arm as far as a result says it, without its model; infinite limits are unknown."""
     model, count = saved.facts.part("model"), saved.motion.v.shape[1]
     joints = saved.motion.joint_names or tuple(model.texts("joints")) or tuple(f"joint{k + 1}" for k in range(count))
-    sliding = tuple(model.values["sliding"]) if _flags(model.values.get("sliding"), count) else (False,) * count
+    said: Any = model.values.get("sliding")
+    known = isinstance(said, list) and len(said) == count and all(isinstance(one, bool) for one in said)
+    sliding = tuple(said) if known else (False,) * count
     wide = np.full(count, np.inf)
     unknown = JointLimits(
         position_lower=-wide, position_upper=wide, velocity=wide, effort_lower=-wide, effort_upper=wide
@@ -182,10 +184,6 @@ def _limits(model: Facts, joints: tuple[str, ...]) -> JointLimits | None:
             own = TorqueSpeed(found.effort_lower, found.effort_upper, joints=joints, curves=curves)
             return replace(found, actuators=own)
     return found
-
-
-def _flags(value: object, count: int) -> bool:
-    return isinstance(value, list) and len(value) == count and all(isinstance(one, bool) for one in value)
 
 
 def obstacles_in(facts: Facts) -> tuple[Obstacle, ...]:

@@ -322,7 +322,7 @@ def check_table(
         t: times of the rows [s], shape (n,), increasing.
         derivatives: positions, and perhaps velocities and accelerations, as of `interpolated`.
     """
-    between, own = between_rows(t, derivatives), ControllerLimits.of(limits)
+    between, own = between_rows(t, derivatives), ControllerLimits().fitted(limits)
     rows = [_judged(name, True, joints, [(_bounded(name, own, *between), KEPT)]) for name in ALONG]
     return tuple(itertools.chain(*rows))
 

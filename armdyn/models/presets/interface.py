@@ -1,7 +1,7 @@
 """Command interfaces of controllers: conditions on commanded motions, and their limits, checked as they are read."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, Self
 
 import numpy as np
@@ -120,11 +120,10 @@ class ControllerLimits:
     start: Numbers | None = None
     taper: VelocityTaper | None = None
 
-    @classmethod
-    def of(cls, limits: JointLimits) -> Self:
-        """The limits `OF_ROBOT` of an arm."""
+    def fitted(self, limits: JointLimits) -> Self:
+        """These limits with those `OF_ROBOT` of an arm."""
         own: dict[str, Any] = {name: tuple(getattr(limits, name).tolist()) for name in OF_ROBOT}
-        return cls(**own)
+        return replace(self, **own)
 
     def known(self, condition: str) -> bool:
         """Whether a condition on positions or velocities has its limits."""

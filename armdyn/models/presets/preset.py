@@ -21,7 +21,6 @@ from armdyn.models.presets.interface import (
     KINDS,
     LIMITS,
     LISTS,
-    OF_ROBOT,
     TEXTS,
     UNITS,
     ControllerLimits,
@@ -198,8 +197,7 @@ class ControllerPreset:
             raise ProblemError(f"joints has {len(names)} names; limits are of {limits.velocity.size} joints")
         if self.joints:
             return self
-        own = ControllerLimits.of(limits)
-        return replace(self, joints=names, limits=replace(self.limits, **{k: getattr(own, k) for k in OF_ROBOT}))
+        return replace(self, joints=names, limits=self.limits.fitted(limits))
 
     def limit(self, name: str) -> Array | None:
         """A limit of the chosen interface, shape (nv,); None: no condition of the interface has it.

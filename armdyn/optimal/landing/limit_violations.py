@@ -4,7 +4,6 @@ Time scaled by s > 1 divides velocities by s, and torques without gravity's part
 manipulator trajectories, 1984): where gravity's torque is within the limits the torques stay within them.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -130,12 +129,7 @@ def limit_violation(limits: JointLimits, motion: Trajectory, dense: int = BETWEE
 
 def worst_violation(robot: Robot, limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> Violation | None:
     """The largest excess over a limit; None if all are kept. Arguments as for `excesses`."""
-    return worst_of(robot, excesses(limits, motion, dense))
-
-
-def worst_of(robot: Robot, found: Iterable[Excess]) -> Violation | None:
-    """The largest of some excesses; None if none is positive."""
-    worst = max(found, key=lambda excess: excess.share)
+    worst = max(excesses(limits, motion, dense), key=lambda excess: excess.share)
     return worst.worst(robot) if worst.share > 0 else None
 
 
