@@ -47,18 +47,10 @@ class Tile:
 
 def verdict_of(facts: Facts) -> Verdict:
     """The verdict on a run: of a minimum-time motion, of a closed loop, or on none."""
-    if "certificate" in facts:
-        return _of_minimum_time(facts)
-    if "steps" in facts:
-        return _of_cycle(facts)
-    if "arrival_rule" in facts:
-        return _of_pid(facts)
-    if "optimal_duration" in facts:
-        return _of_planned(facts)
-    if "peak_error" in facts:
-        return _of_tracking(facts)
-    if "feasible" in facts:
-        return _of_foreign_motion(facts)
+    judges = {"certificate": _of_minimum_time, "steps": _of_cycle, "arrival_rule": _of_pid}
+    judges |= {"optimal_duration": _of_planned, "peak_error": _of_tracking, "feasible": _of_foreign_motion}
+    if judge := next((judge for key, judge in judges.items() if key in facts), None):
+        return judge(facts)
     return Verdict("none", "Not judged", "A motion without a result: nothing of it was checked.")
 
 

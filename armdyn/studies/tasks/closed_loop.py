@@ -150,12 +150,8 @@ class ClosedLoopTask(Checked):
 
     def loop_of(self, settings: Mapping[str, Value]) -> Loop:
         """The loop of a case."""
-        joined: dict[str, Any] = {
-            name: float(settings[name]) for name in ("rate", "cutoff", "noise") if name in settings
-        }
-        if "delay" in settings:
-            joined["delay"] = round(float(settings["delay"]))
-        return Loop(**joined)
+        kinds: dict[str, Callable[[Any], Any]] = {"rate": float, "cutoff": float, "noise": float, "delay": round}
+        return Loop(**{name: kind(float(settings[name])) for name, kind in kinds.items() if name in settings})
 
     def reference_of(self, settings: Mapping[str, Value]) -> Any:
         """The motion to follow, or the result of a case that has none; each process solves a fastest one once."""

@@ -226,9 +226,8 @@ class GainSearch(OwnTask):
             for row in rows.rows(first):
                 if row.k < len(self.tried):
                     if row.settings != self.tried[row.k]:
-                        raise ResultError(
-                            f"{rows.path}: row {row.k} is of another controller; begin with another `file`"
-                        )
+                        what = f"row {row.k} is of another controller; begin with another `file`"
+                        raise ResultError(f"{rows.path}: {what}")
                     costs[row.k - first] = self._cost(row)
             return costs
 
