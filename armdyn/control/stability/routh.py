@@ -31,6 +31,9 @@ Remedy = Literal["", "leading zero", "zero row"]
 _MOST, _MOST_WORK = 100, 800_000
 """Coefficients, and these times all their binary digits: the table takes some seconds, which grow with the square."""
 
+_MOST_PRODUCTS = 1e11
+"""Fifth power of a matrix's rows times its binary digits: the recursion takes some seconds."""
+
 
 @brief
 @dataclass(frozen=True)
@@ -133,12 +136,15 @@ def characteristic_polynomial(matrix: ArrayLike) -> tuple[Fraction, ...]:
         The n + 1 coefficients, that of sⁿ first, which is 1.
 
     Raises:
-        ProblemError: it is not square, or not finite.
+        ProblemError: it is not square, not finite, or too large for integers of so many digits.
     """
     A = numbers(matrix, "matrix", "a square matrix")
     if A.ndim != 2 or A.shape[0] != A.shape[1] or not np.all(np.isfinite(A)):
         raise ProblemError(f"matrix has shape {A.shape}; expected a square matrix of finite numbers")
     n = len(A)
+    digits = 53 + int(np.ptp(np.frexp(A[A != 0])[1])) if np.any(A) else 1  # of the floats as integers of one scale
+    if n**5 * digits > _MOST_PRODUCTS:
+        raise ProblemError(f"matrix has {n} rows of numbers of {digits} binary digits: its polynomial takes too long")
     scale = max([Fraction(x).denominator for x in A.ravel().tolist()], default=1)
     whole = np.array([[int(Fraction(x) * scale) for x in row] for row in A.tolist()], dtype=object).reshape(n, n)
     one = np.eye(n, dtype=object)

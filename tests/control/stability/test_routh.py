@@ -136,3 +136,8 @@ def test_entries_beyond_the_range_of_floats_are_printed():
     assert table.is_stable
     assert "e+400" in table.markdown()
     assert "1e-400" in table.markdown()
+
+
+def test_a_polynomial_that_would_take_minutes_is_refused_at_once():
+    with pytest.raises(ProblemError, match=r"^matrix has 100 rows of numbers of .* takes too long"):
+        characteristic_polynomial(np.random.default_rng(0).random((100, 100)))
