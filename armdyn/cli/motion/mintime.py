@@ -23,7 +23,8 @@ from armdyn.errors import ProblemError
 from armdyn.optimal.task.search_level import SearchLevel
 
 _CHEAP = 2.0
-"""Time of a solve [s] below which the motion is solved again, for the saving by more of the first deciding limit."""
+"""Time of a solve [s] below which the motion is solved again for the saving by more of the first deciding limit, some
+times in thrice this time where limits tie."""
 _WATCHED = 1.0
 """Simulated time of likely arms [s], or after a longer motion: they are many, and near to the model."""
 
@@ -177,10 +178,11 @@ def mintime(
     folder = results.folder("mintime", task.robot.robot)
     with working(f"minimum time of {arm.name}") as progress:
         solution, curve = search.solved(problem, options, lambda: task.likely, progress)
-        if solution.solve_time < (cheap := min(_CHEAP, options.time_limit / 2)):
+        left = min(3 * _CHEAP, options.time_limit - solution.solve_time)
+        if solution.solve_time < _CHEAP and left > 0:
             progress("time that more of the limit that decides most saves")
             with suppress(KeyboardInterrupt):  # the motion is there
-                solution = with_saving(solution, replace(options, time_limit=cheap))
+                solution = with_saving(solution, replace(options, time_limit=left))
         accepted, controller_facts, controller_words = _by_controller(solution, progress, not no_costs)
         reserves, reserve_choice = _by_reserve(curve)
         summary = cut_short(minimum_time_summary(solution) | reserves | controller_facts)
