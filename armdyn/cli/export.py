@@ -200,7 +200,7 @@ def export(
     ROS 2's message (trajectory_msgs/msg/JointTrajectory) is JSON, which is YAML, too; joints have the URDF's names. It
     is checked as ros2_control's joint_trajectory_controller runs it (preset ros2-jtc): where the splines between its
     points would exceed a limit of the arm or the tolerance, the rate is doubled until they do not; where --rate and
-    --tolerance are both given, nothing is written (exit code 3 or 2), and the rate that would do is said.
+    --tolerance are both given, nothing is written (exit code 3), and the rate that would do is said.
 
     MuJoCo's file goes into a model of the same joints in the same order, by <include file="trajectory.xml"/>. Set time,
     qpos and qvel of the first keyframe; then hold each keyframe's ctrl until the next one's time.

@@ -40,8 +40,8 @@ class Rows:
         rate: per second [Hz]; None: the motion's own samples.
         deviation: of ros2_control's spline from the motion [rad or m]; None: the format is not for it.
         check: of the rows by the preset ros2-jtc; None: the format is not for it.
-        over: which limit ros2_control's spline would exceed between the rows, in words; empty: none.
-        off: how far off the motion it would be, in words; empty: within the tolerance.
+        fault: which limit ros2_control's spline would exceed between the rows, or how far off the motion it would be,
+            in words; empty: none.
         raised: the same at the requested rate, for which the rate was raised; empty: it was not.
         enough: rate at which nothing would be broken [Hz]; None: not looked for, or there is none.
     """
@@ -50,8 +50,7 @@ class Rows:
     rate: float | None
     deviation: float | None = None
     check: ad.ControllerCheck | None = None
-    over: str = ""
-    off: str = ""
+    fault: str = ""
     raised: str = ""
     enough: float | None = None
 
@@ -59,7 +58,7 @@ class Rows:
     def broken(self) -> str:
         """What ros2_control's spline would break, and at which rate it would not, in words; empty: nothing."""
         more = f"; {f'--rate {self.enough:g}' if self.enough else 'none of its doubles, to 100 kHz,'} would do"
-        return (self.over or self.off) and (self.over or self.off) + more
+        return self.fault and self.fault + more
 
     def facts(self) -> dict[str, object]:
         """The rows for JSON."""
@@ -103,9 +102,6 @@ def sampled(
         default_rate: rate without --rate [Hz].
         arm: whose limits hold, for `Ros2` and tables.
         strict: whether --rate must not be raised.
-
-    Raises:
-        TrajectoryError: the spline is too far off the motion, and the rate must not be raised.
     """
     wish = default_rate if rate is None else number(rate, "--rate") if rate.strip() != "own" else None
     message = output_format if isinstance(output_format, Ros2) else None
@@ -117,28 +113,25 @@ def sampled(
     most = {(row.condition, row.joint): max(row.share, 1.0) + _OVER for row in own}
 
     def judged(rate: float | None) -> Rows:
-        samples, deviation, off = motion.resample(rate, least), None, ""
+        samples, deviation = motion.resample(rate, least), None
         rows = check_table(arm.limits, arm.joints, samples.t, [samples.q, samples.v, samples.a])
         over = [row for row in rows if row.share > most[row.condition, row.joint]]
+        fault = _said(max(over, key=attrgetter("share"))) if over else ""
         try:
             deviation = message.deviation(samples, motion) if message else None
         except TrajectoryError as error:
-            off = str(error)
-        return Rows(samples, rate, deviation, over=_said(max(over, key=attrgetter("share"))) if over else "", off=off)
+            fault = fault or str(error).replace("`rate`", "--rate").replace("`tolerance`", "--tolerance")
+        return Rows(samples, rate, deviation, fault=fault)
 
     first = better = judged(wish)
     ticks = default_rate / 2 if wish is None else wish
-    while better.broken and 2 * ticks <= MOST_RATE and 2 * ticks * motion.duration < MOST_SAMPLES:
+    while better.fault and 2 * ticks <= MOST_RATE and 2 * ticks * motion.duration < MOST_SAMPLES:
         ticks *= 2
         better = judged(ticks)
-    enough = None if better.broken else better.rate
+    enough = None if better.fault else better.rate
     fixed = message is None or wish is None or (strict and rate is not None)
-    if first.broken and (fixed or not enough):
-        if not first.over:
-            raise TrajectoryError(first.off + (f"; a rate of {enough:g} Hz would do" if enough else ""))
-        made = replace(first, enough=enough)
-    else:
-        made = replace(better, raised=first.broken)
+    kept = first.fault and (fixed or not enough)
+    made = replace(first, enough=enough) if kept else replace(better, raised=first.fault)
     if message is None:
         return made
     jtc = ad.ControllerPreset.named("ros2-jtc").fitted(arm.limits, arm.joints)

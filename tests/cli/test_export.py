@@ -116,8 +116,8 @@ def test_the_deviation_of_ros2_control_is_said_and_bounded(here):
     tight = ("export", "trajectory.npz", "--format", "ros2", "--tolerance", "4e-6", "--json")
     output = answer(run_here(*tight, cwd=here))
     assert output["rate"] > 1000 and output["deviation"] <= 4e-6  # raised
-    output = answer(run_here(*tight, "--rate", "1000", cwd=here), 2)
-    assert "give a higher --rate or --tolerance" in output["message"]
+    output = answer(run_here(*tight, "--rate", "1000", cwd=here), 3)
+    assert "give a higher --rate or --tolerance; --rate 8000 would do" in output["message"]
 
 
 def exported_message(file, holds):
