@@ -10,8 +10,7 @@ from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.nlp_data import CurveSpec, assemble_curve, curve_layout, rows_of
 from armdyn.optimal.flat.program import build
-from armdyn.optimal.flat.solve import solve_curve
-from armdyn.optimal.flat.task_program import curve_cost, curve_program
+from armdyn.optimal.flat.solve import curve_cost, curve_program, solve_curve
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.task.task import Task
 from oracles import robot_named
