@@ -14,8 +14,7 @@ from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.program.unknowns import doubled
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE
-from armdyn.optimal.refine.mesh_margins import MeshMargins, excess
-from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.refine.optimum import MeshMargins, Optimum, excess
 from armdyn.optimal.search.candidates import SearchResult, find
 from armdyn.optimal.solve.direct import Attempt, solve_on_mesh
 from armdyn.optimal.task.task import Task

@@ -19,8 +19,7 @@ from armdyn.optimal.program.unknowns import mesh
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, SAVING_TOLERANCE
 from armdyn.optimal.proof.mesh_costates import MeshCostates, mesh_costates
 from armdyn.optimal.proof.repeat import repeated
-from armdyn.optimal.refine.mesh_margins import MeshMargins, excess
-from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.refine.optimum import MeshMargins, Optimum, excess
 from armdyn.optimal.refine.switch_mesh import on_finer_meshes
 from armdyn.optimal.search.multistart import distinct
 from armdyn.optimal.solve.condensed import has_stagewise, solve_on_knots

@@ -9,8 +9,8 @@ import armdyn as ad
 from armdyn.optimal.landing.limit_violations import paced
 from armdyn.optimal.proof.repeat import repeated, under_feedback
 from armdyn.optimal.refine import motion_mesh
-from armdyn.optimal.refine.mesh_margins import MeshMargins
 from armdyn.optimal.refine.motion_mesh import ResolvedMotions, _finer, _Meshes, mesh_optimum
+from armdyn.optimal.refine.optimum import MeshMargins
 from armdyn.optimal.search.candidates import find
 from armdyn.optimal.task.task import Task
 from problems import paper_arm
