@@ -60,7 +60,7 @@ def find(task: Task) -> SearchResult:
     )
     prepare_quickly(task, options.intervals, task.fine())  # before the fork, too
     with task.pooled(has_stagewise(task)) as pooled:
-        attempts = _searched(pooled, count, SearchSettings(task.meshes, task.coarse()), extra_jobs)
+        attempts = _searched(pooled, count, SearchSettings(task.policy.search.meshes, task.coarse()), extra_jobs)
         fine, coarse = (distinct(some, *same) for some in (attempts[: len(extra_jobs)], attempts[len(extra_jobs) :]))
         found = ranked([*fine, *coarse])  # the finer mesh's are kept apart: they cost no solve
         if not found:
@@ -159,7 +159,7 @@ def _too_coarse(task: Task, found: Sequence[Attempt], refined: SearchResult) -> 
     )
     if not (confirmed or slower > numbers.too_coarse):
         return None
-    task.progress(f"optima of {task.meshes} intervals are {slower:.2f} times as slow on {mesh}")
+    task.progress(f"optima of {task.policy.search.meshes} intervals are {slower:.2f} times as slow on {mesh}")
     finer = doubled(mesh, task.options.max_intervals) if confirmed else None
     on = finer or mesh
     return on, (on, on * 3 // 2), 4 if finer else 2

@@ -239,7 +239,7 @@ def screened(task: Task) -> tuple[list[Task], list[GoalResult]]:
 def _solved_coarsely(task: Task) -> _Screened:
     """Solve a goal coarsely from the straight path; the duration is inf without convergence."""
     if not task.policy.strategy.curves_alone:
-        attempt = solve_on_mesh(task, spline(task.problem, []), task.meshes[0], task.coarse()[-1])
+        attempt = solve_on_mesh(task, spline(task.problem, []), task.policy.search.meshes[0], task.coarse()[-1])
         return _Screened(task.problem, attempt.trajectory.duration if attempt.usable else np.inf)
     guess = straight_curve(task, task.policy.curves.coarse)
     solved = solve_curve(task, guess, CurveSpec.of(task))

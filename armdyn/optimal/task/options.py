@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 from armdyn.arguments import Checked, checked, each, expect, flag, number, one_of, whole
-from armdyn.errors import ProblemError
 from armdyn.optimal.task.search_level import SEARCH_LEVELS, SearchLevel
 from armdyn.optimal.task.tableau import TABLEAUS, Control, DynamicsForm
 from armdyn.reprs import brief
@@ -70,19 +69,13 @@ LEAST_TOLERANCE = 1e-10
 """Smallest goal error that counts as a miss [rad or m]: ten times the error of an integrator of tolerance 1e-10."""
 
 
-def _meshes(value: object, name: str) -> tuple[int, ...]:
-    if not (meshes := each(value, name, whole, least=1)):
-        raise ProblemError(f"{name} is empty; it must be numbers of at least 1")
-    return meshes
-
-
 @brief
 @dataclass(frozen=True, kw_only=True)
 class MinimumTimeOptions(Checked):
     """Options of `solve_minimum_time`.
 
     An attribute that is None is decided by the problem's policy; `armdyn doctor ROBOT --policy` shows it with reasons.
-    Arms of more than three joints move along curves, for which refinements, coarse_intervals, intervals, max_intervals,
+    Arms of more than three joints move along curves, for which refinements, intervals, max_intervals,
     arcs, method, control, dynamics and tolerance have no effect.
 
     Attributes:
@@ -94,7 +87,6 @@ class MinimumTimeOptions(Checked):
         seed: seed of the guesses after the first; the same seed gives the same answer.
         refinements: number of the optima found that are refined, even if slower than a certified one; None: slower ones
             are listed with the mesh's duration.
-        coarse_intervals: intervals of the search's meshes, which the guesses use in turn.
         intervals: intervals of the mesh from which the arcs are detected.
         max_intervals: intervals of the finest such mesh, tried if the arcs do not converge or the replay misses the
             goal.
@@ -132,7 +124,6 @@ class MinimumTimeOptions(Checked):
     starts: int | None = checked(whole, None, least=1, most=MAX_STARTS)
     seed: int = checked(whole, 0, least=0)
     refinements: int | None = checked(whole, None, least=1, most=MAX_STARTS)
-    coarse_intervals: tuple[int, ...] | None = checked(_meshes, None)
     intervals: int = checked(whole, 40, least=1)
     max_intervals: int = checked(whole, 160, least=1)
     arcs: bool = checked(flag, True)

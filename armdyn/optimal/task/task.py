@@ -137,11 +137,6 @@ class Task:
         with self.pooled() as task:
             yield from task.results(jobs)
 
-    @property
-    def meshes(self) -> tuple[int, ...]:
-        """Intervals of the search's meshes."""
-        return self.options.coarse_intervals or self.policy.search.meshes
-
     def coarse(self) -> list[SolverSettings]:
         """Settings of IPOPT for the search, used by the guesses in turn."""
         numbers = self.policy.program

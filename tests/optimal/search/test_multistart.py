@@ -188,7 +188,7 @@ def test_a_childs_velocities_are_the_derivative_of_its_positions(number, seed):
 def test_crossover_is_the_same_on_any_number_of_cores_and_finds_better_optima():
     def found(workers):
         task = Task.of(PROBLEM, MinimumTimeOptions(workers=workers))
-        search_settings = SearchSettings(task.meshes, task.coarse())
+        search_settings = SearchSettings(task.policy.search.meshes, task.coarse())
         first = search(task, 12, search_settings)
         return first, crossover_guesses(task, first, 24, search_settings)
 
@@ -201,14 +201,14 @@ def test_crossover_is_the_same_on_any_number_of_cores_and_finds_better_optima():
 
 def test_without_optima_there_is_no_crossover():
     task = Task.of(PROBLEM, MinimumTimeOptions(workers=1))
-    first = search(task, 1, SearchSettings(task.meshes, task.coarse()))
+    first = search(task, 1, SearchSettings(task.policy.search.meshes, task.coarse()))
     failed = [replace(attempt, status=type(attempt.status).FAILED) for attempt in first]
-    assert crossover_guesses(task, failed, 6, SearchSettings(task.meshes, task.coarse())) == []
+    assert crossover_guesses(task, failed, 6, SearchSettings(task.policy.search.meshes, task.coarse())) == []
 
 
 def test_later_children_of_the_same_ancestors_are_different():
     task = Task.of(PROBLEM, MinimumTimeOptions(workers=1))
-    search_settings = SearchSettings(task.meshes, task.coarse())
+    search_settings = SearchSettings(task.policy.search.meshes, task.coarse())
     ancestors = search(task, 4, search_settings)
     both, later = (
         crossover_guesses(task, ancestors, 4, search_settings),

@@ -16,8 +16,6 @@ from armdyn.errors import ProblemError
         ({"starts": -1}, "starts is -1"),
         ({"time_limit": -1.0}, "time_limit is -1.0; it must be positive"),
         ({"tolerance": float("nan")}, "tolerance"),
-        ({"coarse_intervals": ()}, "coarse_intervals"),
-        ({"coarse_intervals": (15, 0)}, "coarse_intervals"),
         ({"control": "stage"}, "control"),
     ],
 )
