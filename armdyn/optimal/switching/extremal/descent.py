@@ -22,8 +22,6 @@ from armdyn.optimal.switching.extremal.trust_region import null_space
 
 _RANK = 1e-12
 """Relative tolerance of singular values: rounding, in equations that an unstable arm amplifies a millionfold."""
-_TIED = 1e-12
-"""Relative time by which a change may precede the one before by rounding, without having passed it."""
 
 
 def landed(
@@ -32,7 +30,6 @@ def landed(
     rounds: int | None = None,
     joined: Flags | None = None,
     in_one: bool = False,
-    tied: bool = False,
 ) -> LinearRollout | None:
     """Nearest motion that reaches the goal and satisfies its active state limits; None if none is near.
 
@@ -42,7 +39,6 @@ def landed(
         rounds: rounds of Newton's method; None: as many as from a mesh's states.
         joined: changes with states from the arc before, see `Rollout.of`.
         in_one: whether the motion has no gaps throughout.
-        tied: whether simultaneous changes stay so.
     """
     numbers, joined = shooting.policy.descent, np.ones(structure.size, bool) if in_one else joined
     rounds = numbers.rounds if rounds is None else rounds
@@ -59,7 +55,7 @@ def landed(
             return linear
         if shooting.budget.left < -numbers.budget_excess:
             return None
-        by, whole = _correction(linear, tied)
+        by, whole = _correction(linear)
         most = float(np.max(np.abs(by[: structure.size + 1]))) / structure.duration
         if k == rounds or most > numbers.far:
             return None
@@ -69,7 +65,7 @@ def landed(
     return None
 
 
-def _correction(linear: LinearRollout, tied: bool) -> tuple[Array, float]:
+def _correction(linear: LinearRollout) -> tuple[Array, float]:
     """First-order correction of gaps and misses, and the fraction of it that keeps every segment's length positive.
 
     The least change, of the times as parts of the duration and of the states: an unstable arm amplifies a time a
@@ -84,11 +80,6 @@ def _correction(linear: LinearRollout, tied: bool) -> tuple[Array, float]:
     moved = np.concatenate([np.zeros(width), numbers.states * (linear.gap[:-1] / unit).ravel()])
     least = np.where(planes.lengths, numbers.kept * now, 0.0)
     held: list[int] = []
-    first = now.size - len(planes.orders)
-    least[first:] = -np.inf  # the equations determine the order of changes
-    if tied:
-        held += [first + int(k) for k in np.flatnonzero(np.abs(now[first:]) <= _TIED * structure.duration)]
-        least[held] = 0.0
     while True:
         linear.shooting.budget.spend(numbers.cubic * width**3)
         equations = np.vstack([linear.jacobian, planes.rows[held]])
@@ -125,8 +116,6 @@ def moved_by(linear: LinearRollout, by: Array, part: float) -> tuple[SwitchingSt
     states = structure.states + (linear.reach[:-1] @ by + part * linear.gap[:-1])
     by, m = by.copy(), structure.size
     times = np.clip(structure.times + by[:m], 0.0, structure.duration + by[m])
-    later = np.maximum.accumulate(times)
-    times = np.where(later - times <= _TIED * structure.duration, later, times)
     by[:m] = times - structure.times
     order = np.argsort(times, kind="stable")
     return structure.moved(by, states), order != np.arange(structure.size)
@@ -240,7 +229,7 @@ def finer(extremal: LinearRollout, budget: Budget) -> LinearRollout | None:
 def _stepped(linear: LinearRollout, by: Array) -> LinearRollout | None:
     """The motion after a step along the tangents."""
     structure, joined = moved_by(linear, by, 1.0)
-    return landed(linear.shooting, structure, linear.shooting.policy.descent.near_rounds, joined, tied=True)
+    return landed(linear.shooting, structure, linear.shooting.policy.descent.near_rounds, joined)
 
 
 def _without_vanished(linear: LinearRollout) -> LinearRollout:

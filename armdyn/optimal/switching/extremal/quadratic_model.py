@@ -74,14 +74,8 @@ class LinearRollout:
         """Quantities that must stay nonnegative: segments' lengths, free torques' distances from their limits."""
         structure, (slack, slack_jacobian) = self.structure, self.rollout.slack
         lengths = lengths_of(structure)
-        orders = structure.orders(self.shooting.policy.descent.meeting_distance * structure.duration)
-        apart = np.zeros((len(orders), structure.width))
-        for row, (k, after) in zip(apart, orders, strict=True):
-            row[k], row[after] = -1.0, 1.0
-        now = np.concatenate([lengths @ structure.unknowns, slack, apart @ structure.unknowns])
-        return Planes(
-            now, np.vstack([lengths, slack_jacobian, apart]), np.arange(now.size) < len(lengths), tuple(orders)
-        )
+        now = np.concatenate([lengths @ structure.unknowns, slack])
+        return Planes(now, np.vstack([lengths, slack_jacobian]), np.arange(now.size) < len(lengths))
 
     @cached_property
     def tangents(self) -> Array:
@@ -198,17 +192,14 @@ class Planes:
     """Quantities that must stay nonnegative, linearised.
 
     Attributes:
-        now: lengths of segments [s], distances of free torques from their limits [`torque_unit`], and times
-            between changes [s]; shape (n,).
+        now: lengths of segments [s], and distances of free torques from their limits [`torque_unit`]; shape (n,).
         rows: derivatives in the unknowns, shape (n, width).
         lengths: whether a quantity is a length, shape (n,).
-        orders: pairs of changes whose order matters: their times apart [s] are the last quantities.
     """
 
     now: Array
     rows: Array
     lengths: Flags
-    orders: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -118,27 +118,6 @@ class SwitchingStructure:
             if own:
                 yield from (Segment(a, b) for a, b in pairwise([-1, *own, self.size]))
 
-    def orders(self, near: float) -> list[tuple[int, int]]:
-        """Pairs of changes within a time [s] of each other that must not pass each other within a step.
-
-        Torques add up, so that the order of two switches does not matter. It matters where a joint begins or ceases to
-        be held on a velocity limit.
-        """
-        held, now = list[bool](), list(self.first)
-        for change in self.changes:
-            before = now[change.joint]
-            if not change.touch:
-                now[change.joint] = change.mode
-            held.append(not change.touch and (before in VELOCITY or change.mode in VELOCITY))
-        return [
-            (k, after)
-            for k in range(self.size)
-            for after in range(k + 1, self.size)
-            if (held[k] or held[after])
-            and self.times[after] - self.times[k] <= near
-            and self.changes[k].joint != self.changes[after].joint
-        ]
-
     def span(self, segment: Segment) -> tuple[float, float]:
         """Start and end of a segment [s]."""
         edges = [*self.times.tolist(), self.duration, 0.0]  # the start is at −1

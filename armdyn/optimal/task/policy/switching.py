@@ -67,7 +67,6 @@ class DescentPolicy:
     short: float = tuned(
         1e-2, "of the duration", "shorter segments may vanish in one step; longer ones shrink by a tenth first"
     )
-    meeting_distance: float = tuned(0.1, "of the duration", "switches farther apart do not meet within a step")
     vanished: float = tuned(1e-8, "of the duration", "a shorter segment is removed")
     halves: int = tuned(12, "halvings", "of a step that exceeds a position limit")
     near: float = tuned(1e-3, "rad or m", "excess of a position limit at which a touch is inserted")

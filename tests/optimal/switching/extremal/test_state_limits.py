@@ -1,7 +1,5 @@
 """Limits of position and velocity in the descent: a state that exceeds them touches them, or is held on them."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -87,14 +85,6 @@ def test_a_velocity_limit_that_is_overlooked_is_kept():
     assert [arc.modes[0] for arc in found.structure.arcs(1e-7)] == [U, Mode.VELOCITY_UPPER, L]
     assert found.structure.duration == pytest.approx(2 / 0.8 + 0.8, rel=1e-9)
     assert within_limits(found.rollout)
-
-
-def test_changes_pass_each_other_unless_a_joint_is_held():
-    states = np.zeros((3, 4))
-    changes = Change(0, L), Change(1, Mode.VELOCITY_UPPER), Change(0, U)
-    structure = SwitchingStructure((U, U), changes, np.array([1.0, 1.1, 3.0]), states, 4.0)
-    assert structure.orders(0.5) == [(0, 1)]
-    assert replace(structure, changes=(changes[0], Change(1, L), changes[2])).orders(4.0) == []
 
 
 @pytest.mark.slow
