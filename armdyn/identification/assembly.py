@@ -46,6 +46,7 @@ def assembled(robot: Robot, equations: Equations, fit: Fit, covariance: Array) -
         combinations=combinations,
         measured_combinations=int(np.sum(values > fit.weight)),
         condition=float(np.sqrt(values[0] / max(values[-1], 1e-300))),
+        covariance=covariance,
         equations=equations,
         fit=fit,
     )

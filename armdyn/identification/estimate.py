@@ -20,9 +20,9 @@ NORMAL_95 = 1.959964
 """Standard deviations within which 95 % of a normal distribution lie."""
 SEEN = 0.9
 """Least reduction of the prior's variance for a parameter to count as measured."""
-_BARRIER = 0.1
-"""Weight of the divergence that keeps likely arms physical, as a part of the fit's: it moves measured parameters
-by less than a hundredth."""
+_BARRIER = 1e-3
+"""Weight of the divergence that keeps likely arms physical: of the prior at its own width, which the region has, it
+is a thousandth."""
 
 
 @dataclass(frozen=True)
@@ -113,6 +113,9 @@ class Estimate:
         unfit: why the estimate should not be used, in a sentence; empty: it may be.
         warnings: sentences on joints whose residuals depend on torque, direction, speed, position or reversals, and
             where inertias that are taken from the robot contradict the logs.
+        covariance: of the unknowns, prior's own width and patterns included, shape (p, p): that of all deviations.
+        equations: the fitted equations, with their unknowns.
+        fit: their fit.
     """
 
     robot: Robot
@@ -127,6 +130,7 @@ class Estimate:
     unmoved: tuple[str, ...] = ()
     unfit: str = ""
     warnings: tuple[str, ...] = ()
+    covariance: Array = field(repr=False)
     equations: Equations = field(repr=False)
     fit: Fit = field(repr=False)
 
@@ -152,7 +156,7 @@ class Estimate:
         """Standard deviation of the predicted torques without the sensors' noise; else see `torques`."""
         states, shape = self._states(q, v, a)
         columns, _ = self.equations.at(*states, every=1)
-        variance = np.einsum("njp,pq,njq->nj", columns, self.fit.covariance, columns)
+        variance = np.einsum("njp,pq,njq->nj", columns, self.covariance, columns)
         return np.asarray(np.sqrt(variance).reshape(shape))
 
     def likely(self, count: int = 20, confidence: float = 0.95, seed: int = 0) -> tuple[Robot, ...]:
@@ -176,14 +180,13 @@ class Estimate:
         unknowns, fit = self.equations.unknowns, self.fit
         away = np.random.default_rng(seed).normal(size=(count, unknowns.size))
         away *= np.sqrt(chi2.ppf(confidence, unknowns.size)) / np.linalg.norm(away, axis=1, keepdims=True)
-        precision = np.asarray(np.linalg.inv(fit.covariance), dtype=float)
-        barrier = _BARRIER * fit.weight
+        precision = np.asarray(np.linalg.inv(self.covariance), dtype=float)
         gradient = unknowns.divergence_near(fit.x).gradient
         arms = []
-        for x in fit.x + away @ np.linalg.cholesky(fit.covariance).T:
+        for x in fit.x + away @ np.linalg.cholesky(self.covariance).T:
             # The physical arm nearest to x in the metric of the region; the gradient keeps the estimate where it is.
-            near = Normal(precision, precision @ x + barrier * gradient, 0.0)
-            arms.append(self.equations.robot_at(minimise(unknowns, near, barrier, fit.x)))
+            near = Normal(precision, precision @ x + _BARRIER * gradient, 0.0)
+            arms.append(self.equations.robot_at(minimise(unknowns, near, _BARRIER, fit.x)))
         return tuple(arms)
 
     def _states(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> tuple[tuple[Array, Array, Array], tuple[int, ...]]:

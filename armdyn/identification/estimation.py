@@ -17,13 +17,10 @@ from armdyn.identification.equations import WHAT, Equations, What, means_of
 from armdyn.identification.estimate import Estimate, Judged
 from armdyn.identification.fitting import Fit, FitOptions, fit, own_covariance
 from armdyn.identification.log import Log, Signals
-from armdyn.identification.residuals import Pattern, patterns
+from armdyn.identification.residuals import FALSE_ALARMS, Pattern, patterns
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.reprs import brief
 
-_OWN_WIDTH = 0.95
-"""Torque residuals of a joint with another width of Coulomb friction, as a part of those with the best common width,
-below which the joint gets its own width: less is the scatter of a residual's size over some 500 equations."""
 _EXPLAINED = 0.8
 """Torque residuals with all links identified, as a part of those without, below which the robot's inertias are wrong:
 at least 0.89 on simulated logs of 4 and 10 s where they are right; below 0.8 on 19 of 24 where masses and inertias are
@@ -135,7 +132,7 @@ def _estimate(robot: Robot, systems: list[_System], options: IdentifyOptions, si
         best = _best(systems)
         found, (columns, torque) = best.fit(options.fit), best.joined
         means = [(one, one.samples_in(options.step)) for one in signals]
-        seen = patterns(best.equations, found, columns, torque, means) if signals else []
+        seen = list(patterns(best.equations, found, columns, torque, means)) if signals else []
         columns = np.concatenate([columns, *(one.columns for one in seen)], axis=2)
         covariance = own_covariance(found, best.equations.own_precision, columns, torque)
         first: dict[int, Pattern] = {}  # of each joint the one that makes the fit useless, or the most significant
@@ -261,13 +258,24 @@ def _systems(
 
 
 def _best(systems: list[_System]) -> _System:
-    """The system with the widths of Coulomb friction that minimise each joint's residuals."""
+    """The system with the most likely common width of Coulomb friction; a joint's own where it is far more likely.
+
+    Another width is more likely than the true one by a factor k with a probability of 1 / k at most (Markov).
+    """
     if len(systems) == 1:
         return systems[0]
-    noise = np.array([one.fit(FitOptions(weights=(1.0,), rounds=2)).noise for one in systems])
-    common = int(np.argmin(np.sum(np.log(noise), axis=1)))
-    better = np.min(noise, axis=0) < _OWN_WIDTH * noise[common]
-    return _joined([systems[k] for k in np.where(better, np.argmin(noise, axis=0), common)])
+    options = FitOptions(weights=FitOptions().weights[:1], rounds=2)  # a larger weight of the prior errs like a width
+    fits = [one.fit(options) for one in systems]
+    noise, losses = np.min([one.noise for one in fits], axis=0), []
+    for one, found in zip(systems, fits, strict=True):
+        columns, torque = one.joined
+        scaled = np.abs(torque - columns @ found.x) / noise
+        clipped = np.minimum(scaled, options.huber)
+        losses.append(np.sum(clipped * (scaled - clipped / 2), axis=0))
+    loss = np.array(losses)
+    common = int(np.argmin(np.sum(loss, axis=1)))
+    better = loss[common] - np.min(loss, axis=0) > np.log(loss.size / FALSE_ALARMS)
+    return _joined([systems[k] for k in np.where(better, np.argmin(loss, axis=0), common)])
 
 
 def _joined(systems: list[_System]) -> _System:

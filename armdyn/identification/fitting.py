@@ -156,7 +156,7 @@ class FitOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
-    """A fit and its uncertainty.
+    """A fit.
 
     Attributes:
         x: the unknowns, shape (p,).
@@ -165,7 +165,6 @@ class Fit:
         normal: the weighted normal equations.
         weights: of the equations, shape (m, nv).
         inflation: sum of the residuals' autocorrelation, shape (nv,).
-        covariance: of the unknowns, shape (p, p).
     """
 
     x: Array
@@ -174,7 +173,6 @@ class Fit:
     normal: Normal
     weights: Array
     inflation: Array
-    covariance: Array
 
 
 def fit(unknowns: Unknowns, columns: Array, torque: Array, options: FitOptions) -> Fit:
@@ -200,17 +198,7 @@ def fit(unknowns: Unknowns, columns: Array, torque: Array, options: FitOptions) 
         residual = torque - columns @ x
         noise = np.maximum(1.4826 * np.median(np.abs(residual - np.median(residual, axis=0)), axis=0), floor)
     inflation = autocorrelation(residual, options.huber * noise, options.least_inflation)
-    scores = normal_matrix(columns, weights * inflation)
-    prior = weight * unknowns.divergence_near(x).hessian
-    return Fit(
-        x=x,
-        weight=weight,
-        noise=noise,
-        normal=normal,
-        weights=weights,
-        inflation=inflation,
-        covariance=sandwich(normal.matrix, scores, prior),
-    )
+    return Fit(x=x, weight=weight, noise=noise, normal=normal, weights=weights, inflation=inflation)
 
 
 def _best_weight(
@@ -244,23 +232,6 @@ def autocorrelation(residual: Array, limit: Array, least: float) -> Array:
     return np.asarray(np.maximum(least, 2 * np.sum(pairs * kept, axis=0) - 1))
 
 
-def sandwich(matrix: Array, scores: Array, prior: Array) -> Array:
-    """Covariance H⁻¹ M H⁻¹ of a fit with a prior, shape (p, p): its information and the variance of its scores.
-
-    Of a log without noise H and M are large along measured combinations and the prior's along the others; by their
-    factors the covariance stays positive definite.
-
-    Args:
-        matrix: of the normal equations, shape (p, p).
-        scores: covariance of the residuals' scores, likewise.
-        prior: its information, likewise.
-    """
-    lower = np.linalg.cholesky(matrix + prior)
-    middle = np.linalg.solve(lower, np.linalg.cholesky(scores + prior))
-    root = np.linalg.solve(lower.T, middle)
-    return np.asarray(root @ root.T)
-
-
 def own_covariance(fit: Fit, prior: Array, columns: Array, torque: Array) -> Array:
     """Covariance of the unknowns where the prior has its own width, whatever weight the fit gave it, shape (p, p).
 
@@ -268,14 +239,19 @@ def own_covariance(fit: Fit, prior: Array, columns: Array, torque: Array) -> Arr
     against armature of a joint that slides, it knows nothing, nor does a tenth of the torques as a guess of friction.
     Patterns of the residuals are further unknowns. What the widest prior and they change in the estimate is its error.
 
+    The covariance is H⁻¹ M H⁻¹ of the information H and the scores' variance M. Of a log without noise both are large
+    along measured combinations and the prior's along the others; by their factors it stays positive definite.
+
     Args:
         fit: the fit.
         prior: information of the prior by its own width, shape (p, p).
-        columns: of the fit, then of patterns of its residuals in units that hold their largest, shape (m, nv, p + k).
+        columns: of the fit, then of patterns of its residuals, each as large as it may be, shape (m, nv, p + k).
         torque: measured minus known [N m or N], shape (m, nv).
     """
     own = slice(0, fit.x.size)
     prior = block_diag(prior, np.eye(columns.shape[2] - fit.x.size))
     normal, scores = Normal.of(columns, torque, fit.weights), normal_matrix(columns, fit.weights * fit.inflation)
     away = fit.x - np.linalg.solve(normal.matrix + prior, normal.vector)[own]
-    return np.asarray(sandwich(normal.matrix, scores, prior)[own, own] + np.outer(away, away))
+    lower = np.linalg.cholesky(normal.matrix + prior)
+    root = np.linalg.solve(lower.T, np.linalg.solve(lower, np.linalg.cholesky(scores + prior)))[own]
+    return np.asarray(root @ root.T + np.outer(away, away))

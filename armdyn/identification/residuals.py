@@ -1,16 +1,16 @@
 """Tests of the residuals of a fit: do they depend on torque, direction, speed, position or reversals?
 
-Each pattern is a column that the model lacks. Its score test counts autocorrelated terms as fewer ones, as the
-intervals do, and terms that few equations carry by Student's distribution.
+Each pattern is a column that the model lacks. Its score test leaves out what the unknowns explain, without the prior,
+which is no noise, and counts autocorrelated terms as fewer ones, as the intervals do.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import stdtr
+from scipy.special import ndtr, stdtr
 
 from armdyn.arrays import Array
 from armdyn.identification.equations import Equations, means_of, rigid_torques
@@ -18,7 +18,7 @@ from armdyn.identification.fitting import Fit, autocorrelation
 from armdyn.identification.log import Signals
 
 FALSE_ALARMS = 0.01
-"""Level of all tests of a log together; 3 of 40 simulated logs without a fault show a pattern, as samples are few."""
+"""Level of a test that widens intervals, and of all tests of a log together that name a pattern."""
 _SLOW = 0.1, 0.3
 """Speeds below which friction may rise [rad/s or m/s]; others are combinations of these and the model's own."""
 _TURNING = 3
@@ -26,10 +26,10 @@ _TURNING = 3
 _CLIPPED = 12.0
 """Largest squared residual, in variances, that counts."""
 _SIGNIFICANT = 3e-4
-"""Part of a joint's torque limit below which a pattern is none: a simulated log without noise leaves as much."""
-_ONE_SIDED = 0.3
-"""Part of Coulomb friction by which it may differ with the direction, without a test that says so: but for the slow
-passage of a reversal the difference is the torque sensor's offset."""
+"""Part of a joint's torque limit below which a pattern is not named: a simulated log without noise leaves as much."""
+_RANK, _OWN = 1e-10, 1e-6
+"""Eigenvalue of the scaled normal equations below which a combination is not determined, and the part of a column's
+square that they leave below which it is none of its own: both are rounding."""
 _SHIFT = 1e-5
 """Step of the derivative of torques by the positions [rad or m]."""
 _FRICTION = "friction is not the model's"
@@ -37,12 +37,12 @@ _FRICTION = "friction is not the model's"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pattern:
-    """A dependence that the residuals show.
+    """A dependence that the residuals may show.
 
     Attributes:
         joint: its index.
-        columns: change of the torques with the pattern, in units of the joint's torque, shape (m, nv, k).
-        words: what it depends on, how much, and why, in a sentence.
+        columns: change of the torques with the pattern as large as it is found [N m or N], shape (m, nv, 0 or 1).
+        words: what it depends on, how much, and why, in a sentence; empty: too small to be named.
         probability: of a dependence as strong, or stronger, by chance.
         unfit: whether intervals do not hold, however wide the pattern makes them.
     """
@@ -56,8 +56,8 @@ class Pattern:
 
 def patterns(
     equations: Equations, fit: Fit, columns: Array, torque: Array, means: list[tuple[Signals, int]]
-) -> list[Pattern]:
-    """Significant patterns, the most significant first, then, without words, those that no test rules out.
+) -> Iterator[Pattern]:
+    """Patterns that the residuals show, the most significant first, then, without words, those that no test rules out.
 
     Args:
         equations: of the fit.
@@ -68,8 +68,10 @@ def patterns(
     """
     tests = _Tests(equations, fit, columns, torque, means)
     found = [own for j in range(equations.robot.nv) for own in tests.of_joint(j)]
-    shown = (one for one in found if one.probability * len(found) < FALSE_ALARMS)
-    return [*sorted(shown, key=lambda one: one.probability), *tests.hidden()]
+    for one in sorted(found, key=lambda one: one.probability):
+        if one.probability < FALSE_ALARMS:
+            yield one if one.probability * len(found) < FALSE_ALARMS else replace(one, words="", unfit=False)
+    yield from tests.hidden()
 
 
 class _Tests:
@@ -78,29 +80,32 @@ class _Tests:
     def __init__(
         self, equations: Equations, fit: Fit, columns: Array, torque: Array, means: list[tuple[Signals, int]]
     ) -> None:
-        self.fit, self.columns, self.torque = fit, columns, torque
-        self.slides, self.prior = equations.robot.slides, equations.own_precision
-        self.inverse = np.linalg.inv(fit.normal.matrix + self.prior)
+        self.fit, self.columns, self.slides = fit, columns, equations.robot.slides
+        matrix, scale = fit.normal.matrix, 1 / np.sqrt(np.maximum(np.diag(fit.normal.matrix), 1e-300))
+        units = np.outer(scale, scale)
+        self.inverse = units * np.linalg.pinv(units * matrix, rcond=_RANK, hermitian=True)
         self.residual = torque - columns @ fit.x
+        self.variance = np.mean((fit.weights * self.residual) ** 2, axis=0) / np.mean(fit.weights, axis=0)
         averaged = [[means_of(own, every) for own in self._signals(one, equations.width)] for one, every in means]
-        self.q, self.v, self.a, tau, sign, both, *slow = map(np.concatenate, zip(*averaged, strict=True))
-        self.sign, self.both, self.slow, self.tau = sign, both, slow, tau - self.residual
-        self.size = np.sqrt(np.mean(tau**2, axis=0)) + 1e-12
-        self.least = _SIGNIFICANT * equations.torque_limits
-        self.coulomb = equations.unknowns.numbers(fit.x)[2]
+        self.q, self.v, a, tau, self.both, *self.slow = map(np.concatenate, zip(*averaged, strict=True))
+        self.tau, self.least = tau - self.residual, _SIGNIFICANT * equations.torque_limits
+        *_, self.coulomb, self.offset = equations.unknowns.numbers(fit.x)
         robot, steps = equations.robot_at(fit.x), _SHIFT * np.eye(equations.robot.nv)
-        moved = np.stack([rigid_torques(robot, self.q + step, self.v, self.a) for step in steps])
-        self.gradient = (moved - rigid_torques(robot, self.q, self.v, self.a)) / _SHIFT
+        moved = np.stack([rigid_torques(robot, self.q + step, self.v, a) for step in steps])
+        self.gradient = (moved - rigid_torques(robot, self.q, self.v, a)) / _SHIFT
 
     def hidden(self) -> Iterator[Pattern]:
-        """Friction that differs with the direction by a part of it, of each joint."""
-        for j, size in enumerate(_ONE_SIDED * self.coulomb):
+        """Friction that differs with the direction by the offset: but in slow reversals the two are one torque.
+
+        It differs by all of itself at most.
+        """
+        for j, size in enumerate(np.minimum(np.abs(self.offset), self.coulomb)):
             yield Pattern(joint=j, columns=size * self._own(j, self.both)[..., None])
 
     @staticmethod
     def _signals(one: Signals, width: float | Array) -> list[Array]:
         sign = np.tanh(one.v / width)
-        own = [sign, np.abs(sign), *(np.exp(-((one.v / speed) ** 2)) * sign for speed in _SLOW)]
+        own = [np.abs(sign), *(np.exp(-((one.v / speed) ** 2)) * sign for speed in _SLOW)]
         return [one.q, one.v, one.a, one.tau, *map(one.smoothed, own)]
 
     def of_joint(self, j: int) -> Iterator[Pattern]:
@@ -118,43 +123,37 @@ class _Tests:
         for signal, what in ((self.v, "motion"), (self.tau, "load")):
             shift = self.gradient[j] * np.sign(signal[:, j, None])
             yield self._mean(j, shift, f"position and direction of the {what}: {{shift:.2g}} {length} of backlash")
-            yield self._turning(j, signal[:, j], shift, what, unit)
+            yield self._turning(j, signal[:, j], what, unit)
 
     def _own(self, j: int, values: Array) -> Array:
         """Values at one joint, shape (m, nv), as a column of its torque alone."""
-        return np.where(np.arange(self.size.size) == j, values, 0.0)
-
-    def _scaled(self, j: int, columns: Array) -> Array:
-        """Columns, shape (m, nv, k), the largest number of each being the joint's torque."""
-        return np.asarray(columns * self.size[j] / np.maximum(np.max(np.abs(columns), axis=(0, 1)), 1e-12))
+        return np.where(np.arange(self.least.size) == j, values, 0.0)
 
     def _mean(self, j: int, column: Array, words: str) -> Pattern:
         """Score test of a column, shape (m, nv)."""
         weights, known = self.fit.weights, self.columns
         rest = column - known @ (self.inverse @ np.einsum("njp,nj->p", known, weights * column))
-        information, scaled = float(np.sum(weights * rest * column)), self._scaled(j, column[..., None])
-        if information < 1e-9 * float(np.sum(weights * column**2)) or not information:
-            return Pattern(joint=j, columns=scaled)
-        amount = float(np.sum(weights * rest * self.torque)) / information
+        information = float(np.sum(weights * rest**2))
+        if information <= _OWN * float(np.sum(weights * column**2)):
+            return Pattern(joint=j, columns=known[..., :0])
+        amount = float(np.sum(weights * rest * self.residual)) / information
         scores = np.sum(weights * rest * (self.residual - amount * rest), axis=1)
         inflation = float(autocorrelation(scores[:, None], np.full(1, np.inf), 1.0)[0])
-        deviation = np.sqrt(np.sum(scores**2) * inflation) / information
-        carried = np.sum(weights * rest**2, axis=1)
-        freedom = max(1.0, float(np.sum(carried) ** 2 / np.sum(carried**2)) - 1)
+        # Where few equations carry the column, their scatter is small by chance; that of the joint is not.
+        square = max(float(scores @ scores), float(np.sum(weights * rest**2 * self.variance)))
         size = abs(amount) * float(np.max(np.abs(rest[:, j])))
-        said = f"residual depends on {words.format(shift=1e3 * abs(amount), size=size)}"
-        chance = 2 * float(stdtr(freedom, -abs(amount) / max(deviation, 1e-300))) if size > self.least[j] else 1.0
-        return Pattern(joint=j, columns=scaled, words=said, probability=chance)
+        said = f"residual depends on {words.format(shift=1e3 * abs(amount), size=size)}" if size > self.least[j] else ""
+        chance = 2 * float(ndtr(-abs(amount) * information / np.sqrt(max(square * inflation, 1e-300))))
+        return Pattern(joint=j, columns=amount * column[..., None], words=said, probability=chance)
 
-    def _turning(self, j: int, signal: Array, shift: Array, what: str, unit: str) -> Pattern:
-        """Test whether residuals are larger next to reversals; what the gear's play changes there as columns."""
+    def _turning(self, j: int, signal: Array, what: str, unit: str) -> Pattern:
+        """Test whether residuals are larger next to reversals."""
         turns = np.concatenate([[False], np.signbit(signal[1:]) != np.signbit(signal[:-1])])
         near = np.convolve(turns, np.ones(2 * _TURNING + 1), "same") > 0
-        own = [self._own(j, near[:, None] * one) for one in (self.sign, self.a)]
-        columns = self._scaled(j, np.stack([shift, *own], axis=2))
         square = np.minimum((self.residual[:, j] / self.fit.noise[j]) ** 2, _CLIPPED)
+        none = self.columns[..., :0]
         if np.sum(turns) < 2 or np.mean(near) > 0.5:  # no reversal, or hardly anything else
-            return Pattern(joint=j, columns=columns)
+            return Pattern(joint=j, columns=none)
         rest, centred = square[~near], near - np.mean(near)
         square = square - np.mean(rest)
         inflation = float(autocorrelation(square[:, None], np.full(1, np.inf), 1.0)[0])
@@ -166,4 +165,4 @@ class _Tests:
         said = f"{sizes[0]:.2g} {unit} against {sizes[1]:.2g} {unit}; {why}"
         words = f"residual is larger where the {what} turns back: {said}"
         chance = float(stdtr(float(np.sum(turns)), -value)) if sizes[0] > self.least[j] else 1.0
-        return Pattern(joint=j, columns=columns, words=words, probability=chance, unfit=more)
+        return Pattern(joint=j, columns=none, words=words, probability=chance, unfit=more)

@@ -244,6 +244,24 @@ def test_faults_that_the_model_lacks_are_named_and_counted_in_the_intervals(faul
         assert re.search(SAID[fault], "; ".join([*estimate.warnings, estimate.unfit]))
 
 
+@pytest.mark.parametrize("seed", [3, 5, 7, 8, 9])  # five of twelve; the prior's pull was a pattern of seven
+def test_a_payload_ten_times_the_prior_s_leaves_no_pattern(seed):
+    prior, rng = robot_named("rr"), np.random.default_rng(seed)
+    coulomb, width = rng.uniform(0.005, 0.02, 2) * prior.limits.effort_upper, rng.choice([0.01, 0.02, 0.05])
+    true = prior.with_payload(ad.Payload(mass=1.0, com=(0.05, 0, 0))).with_friction(coulomb / 2, coulomb, float(width))
+    assert identify(prior, simulated_log(true, seed, duration=3.0), "payload", QUICK).warnings == ()
+
+
+def test_a_sensor_s_offset_may_be_friction_that_differs_with_the_direction_and_is_as_wide():
+    prior, offset = robot_named("rrr"), np.array([0.02, 0.0, 0.0])
+    true = prior.with_friction(0.02, 0.05, 0.01)
+    log = simulated_log(true, 2, duration=3.0)
+    log = ad.Log(t=log.t, q=log.q, tau=log.tau + offset)
+    first, second, _ = identify(prior, log, "friction", QUICK).parameters[-3:]
+    assert abs(first.value - 0.02) < 2 * first.deviation and abs(second.value) < 2 * second.deviation
+    assert first.deviation > 2 * second.deviation
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.01, 0.03])  # the weights of the prior are 0.01, 100 and 32
 def test_mass_and_armature_of_a_joint_that_slides_level_are_not_measured_apart(read, noise):
     prior, true = (
@@ -261,6 +279,10 @@ def test_mass_and_armature_of_a_joint_that_slides_level_are_not_measured_apart(r
     assert mass.value + armature.value == pytest.approx(2.3, rel=0.02)
     assert not mass.measured and not armature.measured
     assert mass.interval[0] < 2.3 < mass.interval[1]
+    # Likely arms are as uncertain as the numbers: uniform masses that leave the rotor something deviate by 0.66 kg.
+    arms = estimate.likely(20)
+    assert np.std([arm.model.inertias[1].mass for arm in arms]) > 0.3
+    assert np.std([arm.model.inertias[1].mass + arm.model.armature[0] for arm in arms]) < 0.02
 
 
 @pytest.mark.slow
@@ -276,9 +298,13 @@ def test_likely_arms_are_physical_and_differ_as_the_confidence_says(name, what):
     _, q, v, a = (one[::50] for one in fourier_states(prior, seed=9))
     expected = estimate.torques(q, v, a) - estimate.offset
     errors = np.array([rigid_torques(arm, q, v, a) + arm.friction.torque(v) - expected for arm in arms])
-    spread, deviation = (np.sqrt(np.mean(one**2)) for one in (errors, estimate.torque_deviation(q, v, a)))
-    # On the region's surface p unknowns are each off by 1.1 to 1.3 deviations; offsets, which no arm has, make it more.
-    assert 0.7 * deviation < spread < 3 * deviation
+    columns, _ = estimate.equations.at(q, v, a, every=1)
+    columns[..., -prior.nv :] = 0  # no arm has the sensors' offsets
+    spread, deviation = (
+        np.sqrt(np.mean(one)) for one in (errors**2, np.einsum("njp,pq,njq->nj", columns, estimate.covariance, columns))
+    )
+    # On the region's surface p unknowns are each off by 1.1 to 1.3 deviations; the physical border makes it less.
+    assert 0.7 * deviation < spread < 1.3 * deviation
     near = estimate.likely(30, confidence=0.5)
     less = [rigid_torques(arm, q, v, a) + arm.friction.torque(v) - expected for arm in near]
     assert np.sqrt(np.mean(np.square(less))) < spread
