@@ -1,6 +1,6 @@
 """Identification, measured: a robot's log, simulated logs, exciting motions, planning with the result.
 
-python scripts/identify.py [--log LOG.npz --robot panda] [--logs 200] [--plans 5] [--first 10000]
+python scripts/identify.py [--log LOG.npz --robot panda] [--logs 200] [--plans 5] [--first 10000] [--faults 6]
 """
 
 import argparse
@@ -17,7 +17,8 @@ from armdyn.studies.reserve import FINE_RESERVES
 FIRST = 0.6
 """Part of a log that is fitted; the rest is predicted."""
 ARMS = {"panda": (0.5, 2.0), "ur5": (0.5, 2.0), "rrr": (0.02, 0.3)}
-"""Simulated arms and the range of their payloads [kg]."""
+OTHERS = {"z1": (0.3, 1.5), "kinova": (0.5, 2.0)}
+"""Simulated arms and the range of their payloads [kg]; further ones for logs with faults."""
 PLANAR, SPATIAL = ([-0.02, 0, -0.02], [0.05, 0, 0.02]), ([-0.05, -0.05, 0.03], [0.05, 0.05, 0.13])
 """Ranges of the payloads' centres in the tip's frame [m]: a planar arm feels nothing across its plane."""
 CENTRE = {"rrr": (0.015, 0, 0), "ur5": (0, 0, 0.08)}
@@ -89,7 +90,7 @@ def measured_log(path, name):
 def true_arm(name, rng):
     """The arm as it is known, and one with a payload and friction that are not."""
     robot = arm(name)
-    mass, size = rng.uniform(*ARMS[name]), rng.uniform(0.03, 0.08)
+    mass, size = rng.uniform(*(ARMS | OTHERS)[name]), rng.uniform(0.03, 0.08)
     centre = rng.uniform(*(PLANAR if name == "rrr" else SPATIAL))
     payload = ad.Payload(mass=mass, com=centre, inertia=0.4 * mass * size**2 * rng.uniform(0.7, 1.2, 3))
     limits = robot.limits.effort_upper
@@ -130,6 +131,52 @@ def simulated_logs(seeds):
             numbers = zip(estimate.parameters, [*truth, *np.zeros(robot.nv)], strict=True)
             hits += [one.interval[0] <= value <= one.interval[1] for one, value in numbers if one.measured]
         line(name, [*np.median(errors, axis=0) * [100, 1000], 100 * np.mean(hits), np.mean(seconds)])
+
+
+FAULTS = ("none", "stribeck", "direction", "play", "gain")
+"""Faults of a log: friction that rises at rest or differs with the direction, a gear's play, a sensor's scale."""
+
+
+def faulty_log(true, motion, fault, rng):
+    """A log of an arm with a fault that the model lacks."""
+    log, at = log_of(true, motion, rng), motion.resample(1000.0)
+    q, tau, j = log.q.copy(), log.tau.copy(), int(rng.integers(true.nv))
+    sign, coulomb = np.tanh(at.v / true.friction.width), true.friction.coulomb
+    if fault == "stribeck":
+        size, slow = rng.uniform(0.3, 1.0), rng.uniform(0.05, 0.3)
+        tau += size * coulomb * np.exp(-((at.v / slow) ** 2)) * sign
+    elif fault == "direction":
+        tau += 0.3 * rng.choice([-1, 1], true.nv) * coulomb * np.abs(sign)
+    elif fault == "play":
+        size = rng.uniform(2e-3, 5e-3)
+        for i in range(1, len(q)):
+            q[i, j] = np.clip(q[i - 1, j], log.q[i, j] - size, log.q[i, j] + size)
+    elif fault == "gain":
+        tau[:, j] *= rng.choice([0.92, 1.08])
+    return ad.Log(t=log.t, q=q, tau=tau)
+
+
+def faults(seeds, names=("rrr", "ur5", "z1", "kinova")):
+    """Unfit and named logs, coverage of the measured numbers of the others, and the share of measured numbers."""
+    print("fault, logs, unfit, named; coverage of 95 % of the others, measured numbers of all [%]")
+    for fault in FAULTS:
+        rows, shares, hits = [], [], []
+        for seed, name in ((seed, name) for seed in seeds for name in names):
+            rng = np.random.default_rng([seed, sum(map(ord, name)), FAULTS.index(fault)])
+            robot, true = true_arm(name, rng)
+            friction = rng.uniform(0.002, 0.02, (2, robot.nv)) * robot.limits.effort_upper
+            true = true.with_friction(friction[0] / 2, friction[1], float(rng.choice([0.01, 0.02, 0.05])))
+            motion = ad.exciting_motion(robot, 8.0, ad.ExcitingOptions(candidates=1, generations=0, seed=seed))
+            log = faulty_log(true, motion, fault, rng)
+            found = ad.identify(robot, log, "payload", ad.IdentifyOptions(held_out=0))
+            rows.append((bool(found.unfit), bool(found.warnings or found.unfit)))
+            own = true.payload
+            truth = [own.mass, *own.com, *own.inertia, 0, 0, 0, *true.friction.damping, *true.friction.coulomb]
+            numbers = list(zip(found.parameters, [*truth, *np.zeros(robot.nv)], strict=True))
+            shares += [one.measured for one, _ in numbers]
+            if not found.unfit:
+                hits += [one.interval[0] <= value <= one.interval[1] for one, value in numbers if one.measured]
+        line(fault, [len(rows), *np.sum(rows, axis=0), 100 * np.mean(hits), 100 * np.mean(shares)])
 
 
 def prediction_error(true, estimate, motions):
@@ -213,6 +260,7 @@ if __name__ == "__main__":
     options.add_argument("--logs", type=int, default=200)
     options.add_argument("--plans", type=int, default=5)
     options.add_argument("--first", type=int, default=0, help="first seed of the logs and plans")
+    options.add_argument("--faults", type=int, default=0, help="seeds of logs with faults")
     options.add_argument("--planned", nargs="*", default=list(POSES), help="arms of the plans")
     arguments = options.parse_args()
     if arguments.log:
@@ -220,5 +268,7 @@ if __name__ == "__main__":
     if arguments.logs:
         simulated_logs(range(arguments.first, arguments.first + arguments.logs))
         exciting_motions()
+    if arguments.faults:
+        faults(range(arguments.first, arguments.first + arguments.faults))
     for name in arguments.planned if arguments.plans else ():
         plans(name, range(arguments.first, arguments.first + arguments.plans))
