@@ -1,4 +1,4 @@
-"""Multiple shooting: correct a mesh's motion, with torques constant in its intervals, to land exactly.
+"""Multiple shooting: correct a mesh's motion, with torques constant or linear in its intervals, to land exactly.
 
 Every interval is integrated by Gauss collocation of order six from its own first state. Newton's method closes the gaps
 to the next states by the least change of torques, states and duration. The equations are those of a linear regulator:
@@ -24,12 +24,12 @@ from armdyn.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class Shooting:
-    """Motion on a mesh with torques constant in its intervals.
+    """Motion on a mesh with torques linear in its intervals.
 
     Attributes:
         t: knots [s], shape (K + 1,).
         x: states (q, v) at the knots, shape (K + 1, 2 nv).
-        tau: torques of the intervals [N m or N], shape (K, nv).
+        tau: torques at start and end of the intervals [N m or N], shape (K, 2, nv).
     """
 
     t: Array
@@ -42,12 +42,14 @@ class Shooting:
 
         Args:
             problem: problem with end states and torque limits.
-            attempt: a solution with torques constant in its intervals.
+            attempt: a solution with torques constant or linear in its intervals.
             near: distance within which a torque is on its limit, as a part of half its range.
         """
         motion, actuators = attempt.trajectory, problem.limits.actuators
         t = attempt.mesh * motion.duration
-        at, tau = motion(t), motion((t[:-1] + t[1:]) / 2).tau
+        at, middle = motion(t), motion((t[:-1] + t[1:]) / 2).tau
+        half = 2 * (middle - motion(t[:-1] + np.diff(t) / 4).tau)
+        tau = np.stack([middle - half, middle + half], axis=1)
         x, level = np.concatenate([at.q, at.v], axis=1), (tau - actuators.center) / actuators.scale
         x[0] = np.concatenate([problem.q_start, problem.v_start])
         x[-1] = np.concatenate([problem.q_goal, problem.v_goal])
@@ -57,17 +59,17 @@ class Shooting:
     @property
     def size(self) -> Array:
         """Scale of each state: the joint's way and its largest speed, shape (2 nv,)."""
-        n = self.tau.shape[1]
+        n = self.tau.shape[-1]
         both = np.concatenate([np.ptp(self.x[:, :n], axis=0), np.max(np.abs(self.x[:, n:]), axis=0)])
         return np.asarray(np.maximum(both, 1e-3 * np.repeat(both.reshape(2, n).max(axis=1), n)))
 
     def trajectory(self, names: tuple[str, ...]) -> Trajectory:
         """Samples at both ends of every interval; the torque jumps one ulp before a knot."""
-        n, K = self.tau.shape[1], len(self.tau)
+        K, _, n = self.tau.shape
         t, x = np.empty(2 * K), np.repeat(self.x, 2, axis=0)[1:-1]
         t[0::2], t[1::2] = self.t[:-1], np.nextafter(self.t[1:], 0)
         t[-1] = self.t[-1]
-        return Trajectory(t, x[:, :n], x[:, n:], np.repeat(self.tau, 2, axis=0), names, "minimum time")
+        return Trajectory(t, x[:, :n], x[:, n:], self.tau.reshape(2 * K, n), names, "minimum time")
 
 
 def gaps(robot: Robot, motion: Shooting, steps: int) -> tuple[Array, Array, Array, Array]:
@@ -79,13 +81,12 @@ def gaps(robot: Robot, motion: Shooting, steps: int) -> tuple[Array, Array, Arra
         steps: least number of steps of the whole motion; every interval has at least two.
 
     Returns:
-        Gaps, shape (K, 2 nv); their derivatives with respect to the interval's first state, shape (K, 2 nv, 2 nv), its
-        torque, shape (K, 2 nv, nv), and the scale of the motion's time, shape (K, 2 nv).
+        Gaps, shape (K, 2 nv); their derivatives with respect to the interval's first state, shape (K, 2 nv, 2 nv), a
+        change of its torque, shape (K, 2 nv, nv), and the scale of the motion's time, shape (K, 2 nv).
     """
     h, n, size = np.diff(motion.t), robot.nv, motion.size
-    torques, parts = np.stack([motion.tau, motion.tau], axis=1), max(2, -(-steps // h.size))
-    end, by_state, by_torque = gauss_steps(robot)(h, motion.x[:-1], torques, parts)
-    rate = np.concatenate([end[:, n:], forward_dynamics(robot)(end[:, :n], end[:, n:], motion.tau)], axis=1)
+    end, by_state, by_torque = gauss_steps(robot)(h, motion.x[:-1], motion.tau, max(2, -(-steps // h.size)))
+    rate = np.concatenate([end[:, n:], forward_dynamics(robot)(end[:, :n], end[:, n:], motion.tau[:, 1])], axis=1)
     return (
         (end - motion.x[1:]) / size,
         by_state * size / size[:, None],
@@ -99,11 +100,11 @@ def landed(task: Task, attempt: Attempt) -> Shooting | None:
 
     Args:
         task: the problem and its settings.
-        attempt: a solution with torques constant in its intervals.
+        attempt: a solution with torques constant or linear in its intervals.
     """
     numbers, actuators = task.policy.shooting, task.problem.limits.actuators
     motion = Shooting.of(task.problem, attempt, numbers.near)
-    free = (motion.tau > actuators.lower) & (motion.tau < actuators.upper)
+    free = np.all((motion.tau > actuators.lower) & (motion.tau < actuators.upper), axis=1)
     for _ in range(numbers.rounds):
         found = gaps(task.problem.robot, motion, numbers.steps)
         if task.stop or not np.all(np.isfinite(found[0])):
@@ -126,7 +127,7 @@ def replay_on_goal(task: Task, attempt: Attempt) -> Trajectory:
     problem, numbers, shooting = task.problem, task.policy.landing, task.policy.shooting
     actuators = problem.limits.actuators
     motion = landed(task, attempt) or Shooting.of(problem, attempt, shooting.near)
-    free = (motion.tau > actuators.lower) & (motion.tau < actuators.upper)
+    free = np.all((motion.tau > actuators.lower) & (motion.tau < actuators.upper), axis=1)
     replay, miss = _replayed(task, motion)
     for _ in range(numbers.rounds):
         if miss <= numbers.landed or miss > numbers.far or task.stop:
@@ -165,7 +166,7 @@ def _newton_step(
         None if too few torques are free to correct the states.
     """
     gap, by_state, by_torque, by_time = found
-    actuators, (K, n) = task.problem.limits.actuators, motion.tau.shape
+    actuators, (K, _, n) = task.problem.limits.actuators, motion.tau.shape
     share = np.diff(motion.t)[:, None] / motion.t[-1]
     # Torques scaled by the square roots of their weights.
     moved = by_torque * (np.where(free, actuators.scale, 0.0) / np.sqrt(share))[:, None, :]
@@ -185,9 +186,9 @@ def _newton_step(
     weights = np.where(free, actuators.scale**2, 0.0) / share
     change = -weights * np.einsum("kan,ka->kn", by_torque, multipliers)
     states = np.einsum("kab,ka->kb", by_state[1:], multipliers[1:]) - multipliers[:-1]
-    x, tau = motion.x.copy(), np.clip(motion.tau + change, actuators.lower, actuators.upper)
+    x, tau = motion.x.copy(), np.clip(motion.tau + change[:, None], actuators.lower, actuators.upper)
     x[1:-1] -= states / numbers.states * motion.size
-    free = free & (tau > actuators.lower) & (tau < actuators.upper)
+    free = free & np.all((tau > actuators.lower) & (tau < actuators.upper), axis=1)
     return replace(motion, t=motion.t * (1 - stretch), x=x, tau=tau), free
 
 

@@ -2,11 +2,13 @@
 
 Let ρ solve the adjoint equations along a motion, with multipliers η ≥ 0 of the limits of velocity and position that the
 motion nearly reaches (Bryson and Ho, Applied Optimal Control, section 3.9). Changes of the torques within their limits,
-and of the pace, change the duration to first order by ∫ H δσ + Σ S_i δτ_i dt, and every motion within the limits of the
+and of the pace, change the cost to first order by ∫ H δσ + Σ S_i δτ_i dt, and every motion within the limits of the
 state has ∫ η (change of the state) dt ≤ ∫ η (distance from the limit) dt. With a pace that changes by at most the
 whole, |δσ| ≤ 1, and torques anywhere within their limits, no change saves more, as a part of the duration T, than
 
     1/T ∫ |H| + Σ_i (decrease of H as torque i goes to a limit) + η · (distance from the limit) dt.
+
+With a weight w on effort H and S have its parts w/2 τᵀτ and w τ, and H falls by S_i²/2w at most as torque i changes.
 
 The bound is zero where Pontryagin's conditions hold, and for no other motion. Any ρ and η ≥ 0 give a bound; a linear
 program finds the least one. No solver's multipliers enter, so that motions of any method are judged.
@@ -58,23 +60,24 @@ def mesh_costates(
     """Costates that violate Pontryagin's conditions least; None if the adjoint equations were not integrated.
 
     Args:
-        problem: problem of the motion; its cost is time alone.
+        problem: problem of the motion.
         motion: a motion that lands.
         replay: replay of the motion, along which the adjoint equations are integrated.
         policy: lengths of stretches, distance of near limits, and tolerances of the integration.
     """
     robot, actuators, n, numbers = problem.robot, problem.limits.actuators, problem.robot.nv, policy.shooting
     size, h, t = motion.size, np.diff(motion.t), motion.t
-    at, held = replay(np.append(t[:-1], (t[:-1] + t[1:]) / 2)), np.tile(motion.tau, (2, 1))
+    at, between = replay(np.append(t[:-1], (t[:-1] + t[1:]) / 2)), np.mean(motion.tau, axis=1)
     halves, x = np.tile(h / 2, 2), np.concatenate([at.q, at.v], axis=1)
-    steps = transitions(robot, halves, x, np.stack([held, held], axis=1), policy.adjoint, size)
+    torques = np.concatenate([motion.tau[:, 0], between]), np.concatenate([between, motion.tau[:, 1]])
+    steps = transitions(robot, halves, x, np.stack(torques, axis=1), policy.adjoint, size)
     if steps is None:
         return None
     first, second = (steps.swapaxes(1, 2) * size[:, None] / size).reshape(2, h.size, 2 * n, 2 * n)
     middle, carried, own = x[h.size :], first @ second, np.eye(2 * n)
     rates = []
-    for x in (motion.x[:-1], motion.x[1:]):
-        a = forward_dynamics(robot)(x[:, :n], x[:, n:], motion.tau)
+    for x, tau in ((motion.x[:-1], motion.tau[:, 0]), (motion.x[1:], motion.tau[:, 1])):
+        a = forward_dynamics(robot)(x[:, :n], x[:, n:], tau)
         rates.append(np.concatenate([x[:, n:], a], axis=1) / size)
     inverse = np.linalg.inv(joint_inertia(robot)(np.concatenate([motion.x, middle])[:, :n]))
     width = np.where(actuators.width > 0, actuators.width, 1.0)  # without a motor the torque is fixed
@@ -86,7 +89,8 @@ def mesh_costates(
         effect=h[:, None, None] / 6 * (own + 4 * first + carried) * size,  # by Simpson's rule
         state_rate=np.array(rates),
         switching_gain=inverse * actuators.width[:, None] / size[n:],
-        torque_level=(motion.tau - actuators.lower) / width,
+        torque_level=(motion.tau - actuators.lower).swapaxes(0, 1) / width,
+        weight=problem.effort_weights(),
         limits=_Limits.of(problem.limits, motion, numbers.held),
         width=width,
         numbers=numbers,
@@ -112,7 +116,7 @@ class _Limits:
     @classmethod
     def of(cls, limits: JointLimits, motion: Shooting, nearest: float) -> "_Limits":
         """Limits whose margin is at most `nearest` somewhere."""
-        n = motion.tau.shape[1]
+        n = motion.tau.shape[-1]
         upper = np.concatenate([limits.position_upper, limits.velocity])
         lower = np.concatenate([limits.position_lower, -limits.velocity])
         sizes = np.concatenate([motion.size[:n], limits.velocity])
@@ -158,7 +162,9 @@ class _StationarityProgram:
         state_rate: rates of the state at both ends of every interval, shape (2, K, 2 nv).
         switching_gain: ∂S/∂(costates of velocities), times the torques' ranges, at the knots and in the middles of the
             intervals, shape (2 K + 1, nv, nv).
-        torque_level: height of the torques above the lower limit, over their ranges, shape (K, nv).
+        torque_level: height of the torques at both ends of every interval above the lower limit, over their ranges,
+            shape (2, K, nv).
+        weight: weights of the squared torques [1/(N m)²], shape (nv,).
         limits: limits that the motion nearly reaches.
         width: widths of the torques' ranges, shape (nv,); 1 without a motor.
         numbers: lengths of stretches, and distance of near limits.
@@ -172,6 +178,7 @@ class _StationarityProgram:
     state_rate: Array
     switching_gain: Array
     torque_level: Array
+    weight: Array
     limits: _Limits
     width: Array
     numbers: ShootingPolicy
@@ -204,7 +211,7 @@ class _StationarityProgram:
 
     def _segments(self) -> _Segments:
         """Merge intervals into stretches of at least a given length."""
-        (K, n), h = self.torque_level.shape, np.diff(self.motion.t) / self.motion.t[-1]
+        (_, K, n), h = self.torque_level.shape, np.diff(self.motion.t) / self.motion.t[-1]
         ends, length = [0], 0.0
         for k in range(K):
             length += h[k]
@@ -238,9 +245,12 @@ class _StationarityProgram:
         velocities = (m * np.arange(G + 1)[:, None, None] + n + np.arange(n)) + np.zeros((n, 1), int)
         places = np.repeat(np.arange(n * (G + 1)), n), velocities.ravel()
         torques = sp.csr_matrix((-self.switching_gain[ends].ravel(), places), shape=(n * (G + 1), width))
-        falls, rises = (self._about_ends(segments.ends, part) for part in (self.torque_level, 1 - self.torque_level))
+        level = np.mean(self.torque_level, axis=0)
+        falls, rises = (self._about_ends(segments.ends, part) for part in (level, 1 - level))
         bounds = np.concatenate([lengths[:, None] * (-1, 1), np.stack([-falls.ravel(), rises.ravel()], axis=1)])
-        return sp.vstack([pace, torques]), np.append(np.ones(G), np.zeros(n * (G + 1))), bounds
+        tau = np.concatenate([self.motion.tau[:, 0], self.motion.tau[-1:, 1]])[ends]
+        cost = 1 + tau[:-1] ** 2 @ self.weight / 2, (self.weight * tau * self.width).ravel()
+        return sp.vstack([pace, torques]), np.concatenate(cost), bounds
 
     def _about_ends(self, ends: Index, share: Array) -> Array:
         """Integral of shares of the torques' ranges, as parts of the duration, between the middles of the stretches.
@@ -266,7 +276,8 @@ class _StationarityProgram:
 
         Integrals are by Simpson's rule, with the intervals' ends and middles as points.
         """
-        (K, n), motion, h = self.torque_level.shape, self.motion, np.diff(self.motion.t)
+        (_, K, n), motion, h = self.torque_level.shape, self.motion, np.diff(self.motion.t)
+        tau = np.stack([motion.tau[:, 0], np.mean(motion.tau, axis=1), motion.tau[:, 1]])
         scaled = np.empty((K + 1, 2 * n))
         of_interval = np.searchsorted(segments.ends, np.arange(K), side="right") - 1
         size = np.zeros((len(segments.propagator), len(self.limits.state)))
@@ -279,25 +290,32 @@ class _StationarityProgram:
             scaled[m] = self.propagator[m] @ scaled[m + 1] + added[m]
         middle = np.einsum("kij,kj->ki", self.second_half, scaled[1:]) + added / 2
         rates = np.concatenate([scaled, middle])[:, n:]
-        switching, between = np.split(np.einsum("kij,kj->ki", self.switching_gain, rates), [K + 1])
-        both = np.stack([switching[:-1], switching[1:]])
-        falls = np.max(np.maximum(both * self.torque_level, both * (self.torque_level - 1)), axis=0)
-        hamiltonian = 1 + np.sum(self.state_rate * np.stack([scaled[:-1], scaled[1:]]), axis=2)
+        by_rates, between = np.split(np.einsum("kij,kj->ki", self.switching_gain, rates), [K + 1])
+        switching = np.stack([by_rates[:-1], between, by_rates[1:]]) + self.weight * tau * self.width
+        both = switching[::2]
+        falls = np.maximum(both * self.torque_level, both * (self.torque_level - 1))
+        parabola = 2 * self.weight * self.width**2  # H's minimum may be nearer than the limit
+        inner = np.where(parabola > 0, both**2 / np.where(parabola > 0, parabola, 1.0), np.inf)
+        falls = np.max(np.minimum(falls, inner), axis=0)
+        hamiltonian = 1 + tau[::2] ** 2 @ self.weight / 2
+        hamiltonian += np.sum(self.state_rate * np.stack([scaled[:-1], scaled[1:]]), axis=2)
         missed = (np.sum(falls, axis=1) + np.max(np.abs(hamiltonian), axis=0)) * h / motion.t[-1]
         x, rho = (
             np.concatenate([each[:-1], inner, each[1:]]) for each, inner in ((motion.x, self.middle), (scaled, middle))
         )
         part = np.concatenate([h, 4 * h, h])[:, None] / 6
+        level = np.stack([self.torque_level[0], np.mean(self.torque_level, axis=0), self.torque_level[1]])
+        free = (self.weight > 0) & (level > 0) & (level < 1)  # without a weight it switches within an interval
         return MeshCostates(
             t=motion.t,
             costate=scaled / motion.size,
             q=x[:, :n],
             v=x[:, n:],
-            tau=np.tile(motion.tau, (3, 1)),
+            tau=tau.reshape(-1, n),
             pushed=part * (rho / motion.size)[:, n:],
-            switched=part * np.concatenate([switching[:-1], between, switching[1:]]) / self.width,
+            switched=part * np.where(free, 0.0, switching).reshape(-1, n) / self.width,
             velocity=-h @ np.abs(held[:, n:]),
-            switching=switching / self.width,
+            switching=np.concatenate([switching[0], switching[2, -1:]]) / self.width,
             held=held,
             missed=missed,
             saving=float(np.sum(missed) + multipliers @ segments.distance),

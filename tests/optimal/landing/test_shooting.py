@@ -30,7 +30,7 @@ def test_the_replay_of_a_landed_mesh_ends_on_the_goal_within_the_torque_limits()
     motion = landed(task, attempt)
     replay = replay_of(task, motion.trajectory(PROBLEM.robot.joint_names))
     assert np.max(np.abs(PROBLEM.goal_error_of(replay))) < 1e-7  # two integrators, steps of a 25th of the motion
-    assert np.all(PROBLEM.limits.actuators.allows(motion.tau, motion.x[:-1, :2], motion.x[:-1, 2:]))
+    assert np.all(PROBLEM.limits.actuators.allows(motion.tau[:, 0], motion.x[:-1, :2], motion.x[:-1, 2:]))
     assert abs(replay.duration / attempt.trajectory.duration - 1) < 1e-2
 
 
@@ -45,7 +45,7 @@ def test_gaps_are_those_of_an_integration_and_so_are_their_derivatives():
     other = gaps(PROBLEM.robot, moved, 0)[0]
     # Derivatives are those at the middle of a step: right to the square of its length.
     assert np.max(np.abs((other - gap)[k] * moved.size / motion.size / step - by_state[k, :, 0])) < 1e-2
-    tau[k, 1] -= 1e-5
+    tau[k, :, 1] -= 1e-5
     other = gaps(PROBLEM.robot, replace(motion, tau=tau), 0)[0]
     assert np.allclose((other - gap)[k] / -1e-5, by_torque[k, :, 1], rtol=1e-2, atol=1e-6)
     other = gaps(PROBLEM.robot, replace(motion, t=motion.t * (1 + 1e-6)), 0)[0]

@@ -12,12 +12,15 @@ from scipy.interpolate import CubicHermiteSpline
 
 import armdyn as ad
 from armdyn.optimal.landing.rollout import replay_of
-from armdyn.optimal.landing.shooting import landed
+from armdyn.optimal.landing.shooting import Shooting, landed
 from armdyn.optimal.proof.mesh_costates import mesh_costates
+from armdyn.optimal.proof.sensitivity import sensitivities
 from armdyn.optimal.refine.motion_mesh import ResolvedMotions, _Meshes, mesh_optimum
+from armdyn.optimal.refine.optimum import trajectory_cost
 from armdyn.optimal.search.candidates import find
+from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.task import Task
-from problems import cart, gantry_problem, paper_arm
+from problems import cart, gantry_problem, miss, paper_arm, paper_problem, solve
 
 FAST = ad.MinimumTimeProblem(
     paper_arm("rr", 0.05), q_start=[-2.5, -1.5], q_goal=[2.0, 1.0], velocity_limit=[12.0, 15.0]
@@ -97,7 +100,9 @@ def test_another_integrator_and_pinocchio_lead_to_the_same_costates():
     rho = costates.costate[-1]
     for k in range(len(motion.tau) - 1, -1, -1):
         span = costates.t[k + 1], costates.t[k]
-        rho = solve_ivp(down, span, rho, "RK45", args=(motion.tau[k], costates.held[k]), rtol=1e-8, atol=1e-12).y[:, -1]
+        rho = solve_ivp(down, span, rho, "RK45", args=(motion.tau[k, 0], costates.held[k]), rtol=1e-8, atol=1e-12).y[
+            :, -1
+        ]
     size = np.concatenate([np.max(np.abs(replay.v), axis=0), np.max(np.abs(replay.v), axis=0) / replay.duration * 10])
     assert np.max(np.abs((rho - costates.costate[0]) * size)) < 1e-4  # of H, whose cost of time is 1
     assert task.problem is FAST
@@ -140,3 +145,62 @@ def test_a_mesh_optimum_is_refused_where_a_change_saves_much():
     assert re.fullmatch(
         r"a small change may save up to 0\.0\d+ % of its time; at most 0\.01 % counts as locally optimal", reason
     )
+
+
+def with_effort(problem, near, intervals):
+    """A mesh's motion of least time and energy, with torques linear in its intervals; its replay and costates."""
+    task = Task.of(problem, ad.MinimumTimeOptions(workers=1))
+    linear = replace(task, scheme=replace(task.scheme, method="lobatto3", control="linear"))
+    motion = landed(task, solve_on_mesh(linear, near, intervals, task.sharp()))
+    replay = replay_of(task, motion.trajectory(problem.robot.joint_names))
+    assert miss(problem, replay) < 1e-8  # two integrators; rad and rad/s
+    return replay, mesh_costates(problem, motion, replay, task.policy)
+
+
+CART = ad.MinimumTimeProblem(cart(), q_start=[0], q_goal=[1], effort_weight=2.0, effort_limit=10.0)
+"""1 kg, 1 m: τ = 6 (1 − 2 t/T)/T² costs J = T + 12/T³, least for T = 36^¼ s."""
+
+
+def test_a_cart_that_pays_for_effort_has_the_costates_of_the_closed_form():
+    best = 36**0.25
+    replay, costates = with_effort(CART, ad.ramp(cart(), [0.0], [1.0], 2.0), 32)
+    assert trajectory_cost(replay, 2.0) == pytest.approx(best + 12 / best**3, rel=1e-7)  # IPOPT's tolerance, at rest
+    assert costates.saving < 1e-5
+    # ∂J/∂(way) = 24/T³ = −ρ_q, and S = ρ_v + 2 τ = 0.
+    np.testing.assert_allclose(costates.costate[:, 0], -24 / best**3, rtol=1e-5)
+    np.testing.assert_allclose(costates.costate[:, 1], -12 / best**2 * (1 - 2 * costates.t / best), atol=2e-5)
+    by = sensitivities(CART, costates)
+    assert by.payload_mass == pytest.approx(24 / best**3, rel=1e-5)
+    assert by.effort_upper[0] == by.effort_lower[0] == 0  # they are far away
+
+
+@pytest.mark.parametrize("pace", [0.9, 0.99, 1.01, 1.1])
+def test_what_another_pace_would_save_is_within_the_bound(pace):
+    """The same lines at another pace: feasible, and no optimum."""
+    task, best = Task.of(CART), 36**0.25
+    T = pace * best
+    s = np.linspace(0, 1, 33)
+    tau = 6 * (1 - 2 * s[:, None]) / T**2
+    x = np.stack([3 * s**2 - 2 * s**3, 6 * (s - s**2) / T], axis=1)
+    motion = Shooting(T * s, x, np.stack([tau[:-1], tau[1:]], axis=1))
+    replay = replay_of(task, motion.trajectory(cart().joint_names))
+    saved = (T + 12 / T**3) - (best + 12 / best**3)
+    assert 0 < saved < mesh_costates(CART, motion, replay, task.policy).saving * T
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("weight", "limit"), [(1.0, 30.0), (0.1, 3.0)])
+def test_two_links_that_pay_for_effort_have_the_costates_of_radau_arcs(weight, limit):
+    """The smaller weight takes the torques to their limits."""
+    problem = paper_problem("rr", effort_weight=weight, effort_limit=limit)
+    arcs = solve(problem, workers=1)
+    replay, costates = with_effort(problem, arcs.trajectory, 128)
+    assert trajectory_cost(replay, weight) == pytest.approx(trajectory_cost(arcs.trajectory, weight), rel=1e-7)
+    assert costates.saving < 1e-4
+    mine, theirs = sensitivities(problem, costates), arcs.sensitivities()
+    assert mine.payload_mass == pytest.approx(theirs.payload_mass, rel=1e-4)
+    # Where a torque leaves its limit within an interval, a hundredth of the time, its end is left out.
+    np.testing.assert_allclose(mine.effort(), theirs.effort(), rtol=1e-2, atol=1e-9)
+    for k in (0, -1):
+        other = arcs.costates.costate[k]
+        np.testing.assert_allclose(costates.costate[k], other, rtol=0, atol=1e-3 * np.max(np.abs(other)))
