@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.arrays import Array, Index
-from armdyn.optimal.arcs.arc import HELD, Arc, bang_signs
+from armdyn.optimal.arcs.arc import HELD, Arc, Mode, bang_signs
+from armdyn.optimal.arcs.costates import Costates
 from armdyn.optimal.arcs.grid import Density, density_of, layered
 from armdyn.optimal.arcs.nlp_data import ArcNlpData, assemble_arcs
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -36,22 +37,15 @@ TABLEAU = RADAU_5
 
 @brief
 @dataclass(frozen=True, eq=False)
-class Phases:
-    """A solved multi-phase problem.
+class Phases(Costates):
+    """A solved multi-phase problem; the points of its costates are the stages of its intervals.
 
     Attributes:
         arcs: arcs with the solved durations.
-        t: times of the knots [s], shape (K + 1,).
         q: positions at the knots, shape (K + 1, nv).
         v: velocities, shape (K + 1, nv).
-        costate: ρ = ∂(time to go)/∂(q, v) at the knots, from the multipliers, shape (K + 1, 2 nv).
         tau: torques at the stages, shape (K, stages, nv).
         arc_of: index of each interval's arc, shape (K,).
-        stage_q: positions at the stages, shape (K, stages, nv).
-        stage_v: velocities at the stages, shape (K, stages, nv).
-        stage_costate: ∫ρ over each stage's share of the time, shape (K, stages, 2 nv): multiplier of a change of the
-            rates.
-        torque_multiplier: ∂t_f/∂tau at the stages [s/(N m)], shape (K, stages, nv); 0 where the torque is free.
         state_multiplier: ∂t_f/∂(q, v) at the inner stages [s/rad, s²/rad], shape (K, stages - 1, 2, nv).
         knot_multiplier: ∂t_f/∂(q, v) at the inner knots, shape (K - 1, 2, nv).
         torques: motion sampled from the collocation polynomials, for `replay_torques` and as a guess.
@@ -61,16 +55,10 @@ class Phases:
     """
 
     arcs: tuple[Arc, ...]
-    t: Array
     q: Array
     v: Array
-    costate: Array
     tau: Array
     arc_of: Index
-    stage_q: Array
-    stage_v: Array
-    stage_costate: Array
-    torque_multiplier: Array
     state_multiplier: Array
     knot_multiplier: Array
     torques: Trajectory
@@ -87,6 +75,14 @@ class Phases:
     def duration(self) -> float:
         """t_f [s]."""
         return float(self.t[-1])
+
+    @property
+    def velocity(self) -> Array:
+        """∂cost/∂(velocity limit) [s²/rad], shape (nv,); not positive."""
+        modes, multiplier = self.modes, self.state_multiplier[:, :, 1].sum(axis=1)
+        multiplier[:-1] += self.knot_multiplier[:, 1]
+        forward = 1.0 * (modes == Mode.VELOCITY_UPPER) - (modes == Mode.VELOCITY_LOWER)
+        return np.asarray(np.sum(multiplier * forward, axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,6 +213,7 @@ def _read(task: Task, nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult) -> Phas
     states = np.concatenate([knots[:-1], stages], axis=1)
     torques = motion_of(problem, arcs, nlp_data.arc_of, t, states, tau, numbers)
     gradient = _gradient(nlp, nlp_data, result)
+    by_torque = gradient[layout.torques(N)] * (scales.time / scales.effort)
     costate, stage_costate = _costates(nlp, nlp_data, result, gradient)
     multiplier = scales.time / units
     return Phases(
@@ -231,10 +228,9 @@ def _read(task: Task, nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult) -> Phas
         density=_density(
             t, states, stage_costate, layered(torques, problem.robot.friction, numbers), numbers.least_density
         ),
-        stage_q=stages[:, :, 0],
-        stage_v=stages[:, :, 1],
-        stage_costate=stage_costate,
-        torque_multiplier=gradient[layout.torques(N)] * (scales.time / scales.effort),
+        points=np.stack([stages[:, :, 0], stages[:, :, 1], tau]).reshape(3, -1, n),
+        pushed=stage_costate[:, :, n:].reshape(-1, n),
+        switched=np.where(problem.limits.passive, 0.0, by_torque).reshape(-1, n),
         state_multiplier=gradient[layout.inner_states(N)].reshape(N, -1, 2, n) * multiplier,
         knot_multiplier=gradient[layout.states(N)[1:-1]].reshape(N - 1, 2, n) * multiplier,
         torques=torques,

@@ -26,11 +26,11 @@ from scipy.sparse.linalg import splu
 from armdyn.arrays import Array, Flags, Index
 from armdyn.dynamics.numeric import forward_dynamics, joint_inertia
 from armdyn.models.values.joint_limits import JointLimits
+from armdyn.optimal.arcs.costates import Costates
 from armdyn.optimal.bound.linear_program import marginals_in_boxes
 from armdyn.optimal.landing.rollout import transitions
 from armdyn.optimal.landing.shooting import Shooting
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.proof.costates import Costates
 from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.policy.landing import ShootingPolicy
 from armdyn.trajectory import Trajectory
@@ -53,6 +53,11 @@ class MeshCostates(Costates):
     missed: Array
     saving: float
 
+    @property
+    def velocity(self) -> Array:
+        """∂cost/∂(velocity limit) [s²/rad], shape (nv,); not positive."""
+        return -np.diff(self.t) @ np.abs(self.held[:, self.switching.shape[1] :])
+
 
 def mesh_costates(
     problem: MinimumTimeProblem, motion: Shooting, replay: Trajectory, policy: Policy
@@ -66,30 +71,29 @@ def mesh_costates(
         policy: lengths of stretches, distance of near limits, and tolerances of the integration.
     """
     robot, actuators, n, numbers = problem.robot, problem.limits.actuators, problem.robot.nv, policy.shooting
-    size, h, t = motion.size, np.diff(motion.t), motion.t
-    at, between = replay(np.append(t[:-1], (t[:-1] + t[1:]) / 2)), np.mean(motion.tau, axis=1)
-    halves, x = np.tile(h / 2, 2), np.concatenate([at.q, at.v], axis=1)
-    torques = np.concatenate([motion.tau[:, 0], between]), np.concatenate([between, motion.tau[:, 1]])
-    steps = transitions(robot, halves, x, np.stack(torques, axis=1), policy.adjoint, size)
+    size, h, own = motion.size, np.diff(motion.t), np.eye(2 * n)
+    at = replay((motion.t[:-1] + motion.t[1:]) / 2)
+    x = np.stack([motion.x[:-1], np.concatenate([at.q, at.v], axis=1), motion.x[1:]])
+    tau = np.stack([motion.tau[:, 0], np.mean(motion.tau, axis=1), motion.tau[:, 1]])
+    torques = np.stack([tau[:2].reshape(-1, n), tau[1:].reshape(-1, n)], axis=1)
+    steps = transitions(robot, np.tile(h / 2, 2), x[:2].reshape(-1, 2 * n), torques, policy.adjoint, size)
     if steps is None:
         return None
     first, second = (steps.swapaxes(1, 2) * size[:, None] / size).reshape(2, h.size, 2 * n, 2 * n)
-    middle, carried, own = x[h.size :], first @ second, np.eye(2 * n)
-    rates = []
-    for x, tau in ((motion.x[:-1], motion.tau[:, 0]), (motion.x[1:], motion.tau[:, 1])):
-        a = forward_dynamics(robot)(x[:, :n], x[:, n:], tau)
-        rates.append(np.concatenate([x[:, n:], a], axis=1) / size)
-    inverse = np.linalg.inv(joint_inertia(robot)(np.concatenate([motion.x, middle])[:, :n]))
+    carried, (q, v) = first @ second, np.split(x.reshape(-1, 2 * n), 2, axis=1)
+    a = forward_dynamics(robot)(q, v, tau.reshape(-1, n)).reshape(tau.shape)
+    inverse = np.linalg.inv(joint_inertia(robot)(q)).reshape(*tau.shape, n)
     width = np.where(actuators.width > 0, actuators.width, 1.0)  # without a motor the torque is fixed
     return _StationarityProgram(
         motion=motion,
-        middle=middle,
+        x=x,
+        tau=tau,
         second_half=second,
         propagator=carried,
         effect=h[:, None, None] / 6 * (own + 4 * first + carried) * size,  # by Simpson's rule
-        state_rate=np.array(rates),
+        state_rate=np.concatenate([x[..., n:], a], axis=2) / size,
         switching_gain=inverse * actuators.width[:, None] / size[n:],
-        torque_level=(motion.tau - actuators.lower).swapaxes(0, 1) / width,
+        torque_level=(tau - actuators.lower) / width,
         weight=problem.effort_weights(),
         limits=_Limits.of(problem.limits, motion, numbers.held),
         width=width,
@@ -155,15 +159,14 @@ class _StationarityProgram:
 
     Attributes:
         motion: the motion.
-        middle: states in the middles of the intervals, shape (K, 2 nv).
+        x: states at the start, in the middle and at the end of every interval, shape (3, K, 2 nv).
+        tau: torques there, shape (3, K, nv).
         second_half: propagator of r from the end of an interval to its middle, shape (K, 2 nv, 2 nv).
         propagator: propagator of r from the end of an interval to its start, shape (K, 2 nv, 2 nv).
         effect: contribution of a multiplier of 1 along the interval to r there, a column per state, (K, 2 nv, 2 nv).
-        state_rate: rates of the state at both ends of every interval, shape (2, K, 2 nv).
-        switching_gain: ∂S/∂(costates of velocities), times the torques' ranges, at the knots and in the middles of the
-            intervals, shape (2 K + 1, nv, nv).
-        torque_level: height of the torques at both ends of every interval above the lower limit, over their ranges,
-            shape (2, K, nv).
+        state_rate: rates of the state there, shape (3, K, 2 nv).
+        switching_gain: ∂S/∂(costates of velocities), times the torques' ranges, shape (3, K, nv, nv).
+        torque_level: height of the torques above the lower limit, over their ranges, shape (3, K, nv).
         weight: weights of the squared torques [1/(N m)²], shape (nv,).
         limits: limits that the motion nearly reaches.
         width: widths of the torques' ranges, shape (nv,); 1 without a motor.
@@ -171,7 +174,8 @@ class _StationarityProgram:
     """
 
     motion: Shooting
-    middle: Array
+    x: Array
+    tau: Array
     second_half: Array
     propagator: Array
     effect: Array
@@ -244,11 +248,11 @@ class _StationarityProgram:
         pace = sp.csr_matrix((-self.state_rate[0][ends[:-1]].ravel(), places), shape=(G, width))
         velocities = (m * np.arange(G + 1)[:, None, None] + n + np.arange(n)) + np.zeros((n, 1), int)
         places = np.repeat(np.arange(n * (G + 1)), n), velocities.ravel()
-        torques = sp.csr_matrix((-self.switching_gain[ends].ravel(), places), shape=(n * (G + 1), width))
-        level = np.mean(self.torque_level, axis=0)
+        gain, tau = (np.concatenate([each[0], each[2, -1:]])[ends] for each in (self.switching_gain, self.tau))
+        torques = sp.csr_matrix((-gain.ravel(), places), shape=(n * (G + 1), width))
+        level = self.torque_level[1]
         falls, rises = (self._about_ends(segments.ends, part) for part in (level, 1 - level))
         bounds = np.concatenate([lengths[:, None] * (-1, 1), np.stack([-falls.ravel(), rises.ravel()], axis=1)])
-        tau = np.concatenate([self.motion.tau[:, 0], self.motion.tau[-1:, 1]])[ends]
         cost = 1 + tau[:-1] ** 2 @ self.weight / 2, (self.weight * tau * self.width).ravel()
         return sp.vstack([pace, torques]), np.concatenate(cost), bounds
 
@@ -277,7 +281,6 @@ class _StationarityProgram:
         Integrals are by Simpson's rule, with the intervals' ends and middles as points.
         """
         (_, K, n), motion, h = self.torque_level.shape, self.motion, np.diff(self.motion.t)
-        tau = np.stack([motion.tau[:, 0], np.mean(motion.tau, axis=1), motion.tau[:, 1]])
         scaled = np.empty((K + 1, 2 * n))
         of_interval = np.searchsorted(segments.ends, np.arange(K), side="right") - 1
         size = np.zeros((len(segments.propagator), len(self.limits.state)))
@@ -289,32 +292,23 @@ class _StationarityProgram:
         for m in np.setdiff1d(np.arange(K), segments.ends)[::-1]:
             scaled[m] = self.propagator[m] @ scaled[m + 1] + added[m]
         middle = np.einsum("kij,kj->ki", self.second_half, scaled[1:]) + added / 2
-        rates = np.concatenate([scaled, middle])[:, n:]
-        by_rates, between = np.split(np.einsum("kij,kj->ki", self.switching_gain, rates), [K + 1])
-        switching = np.stack([by_rates[:-1], between, by_rates[1:]]) + self.weight * tau * self.width
-        both = switching[::2]
-        falls = np.maximum(both * self.torque_level, both * (self.torque_level - 1))
+        r, level, part = np.stack([scaled[:-1], middle, scaled[1:]]), self.torque_level, np.array([1, 4, 1]) / 6
+        switching = np.einsum("skij,skj->ski", self.switching_gain, r[..., n:]) + self.weight * self.tau * self.width
         parabola = 2 * self.weight * self.width**2  # H's minimum may be nearer than the limit
-        inner = np.where(parabola > 0, both**2 / np.where(parabola > 0, parabola, 1.0), np.inf)
-        falls = np.max(np.minimum(falls, inner), axis=0)
-        hamiltonian = 1 + tau[::2] ** 2 @ self.weight / 2
-        hamiltonian += np.sum(self.state_rate * np.stack([scaled[:-1], scaled[1:]]), axis=2)
-        missed = (np.sum(falls, axis=1) + np.max(np.abs(hamiltonian), axis=0)) * h / motion.t[-1]
-        x, rho = (
-            np.concatenate([each[:-1], inner, each[1:]]) for each, inner in ((motion.x, self.middle), (scaled, middle))
+        inner = np.where(parabola > 0, switching**2 / np.where(parabola > 0, parabola, 1.0), np.inf)
+        falls = np.sum(
+            np.minimum(np.maximum(switching * level, switching * (level - 1)), inner)[::2].max(axis=0), axis=1
         )
-        part = np.concatenate([h, 4 * h, h])[:, None] / 6
-        level = np.stack([self.torque_level[0], np.mean(self.torque_level, axis=0), self.torque_level[1]])
+        hamiltonian = 1 + self.tau**2 @ self.weight / 2 + np.sum(self.state_rate * r, axis=2)
+        missed = (falls + np.max(np.abs(hamiltonian[::2]), axis=0)) * h / motion.t[-1]
         free = (self.weight > 0) & (level > 0) & (level < 1)  # without a weight it switches within an interval
+        parts = (part[:, None] * h)[..., None]
         return MeshCostates(
             t=motion.t,
             costate=scaled / motion.size,
-            q=x[:, :n],
-            v=x[:, n:],
-            tau=tau.reshape(-1, n),
-            pushed=part * (rho / motion.size)[:, n:],
-            switched=part * np.where(free, 0.0, switching).reshape(-1, n) / self.width,
-            velocity=-h @ np.abs(held[:, n:]),
+            points=np.stack([self.x[..., :n], self.x[..., n:], self.tau]).reshape(3, -1, n),
+            pushed=(parts * r / motion.size)[..., n:].reshape(-1, n),
+            switched=(parts * np.where(free, 0.0, switching) / self.width).reshape(-1, n),
             switching=np.concatenate([switching[0], switching[2, -1:]]) / self.width,
             held=held,
             missed=missed,

@@ -14,8 +14,8 @@ from armdyn.arrays import Array
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import GoalPose, free_directions
+from armdyn.optimal.arcs.costates import Costates
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.proof.costates import Costates
 from armdyn.reprs import brief
 
 RATE_LIMITS = {1: "velocity limit", 2: "acceleration limit", 3: "jerk limit"}
@@ -67,7 +67,7 @@ def _by_payload_mass(problem: MinimumTimeProblem, costates: Costates) -> float:
     q, v, tau, m = (ca.SX.sym(name, size) for name, size in (("q", n), ("v", n), ("tau", n), ("m", 1)))
     a = dynamics.aba(q, v, tau, m * ca.DM(per_kg))
     rate = ca.Function("by_mass", [q, v, tau], [ca.substitute(ca.jacobian(a, m), m, 0)])
-    da = np.array(rate.map(len(costates.q))(costates.q.T, costates.v.T, costates.tau.T)).T
+    da = np.array(rate.map(len(costates.pushed))(*(each.T for each in costates.points))).T
     return float(np.sum(costates.pushed * da))
 
 

@@ -6,13 +6,13 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armdyn.optimal.arcs.costates import Costates
 from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.landing.limit_violations import excesses
 from armdyn.optimal.path_constraints.tightened import ConstraintReports
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, Certificate, certify
-from armdyn.optimal.proof.costates import Costates, costates_of
 from armdyn.optimal.proof.sensitivity import Share
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -78,11 +78,8 @@ class Optimum:
         motion = replace(replay, name="minimum time")
         certificate = certify(problem, motion, phases, remark)
         certificate = certificate if idle is None else replace(certificate, idle=idle)
-        cost, costates = (
-            trajectory_cost(motion, problem.effort_weights()),
-            costates_of(problem, phases) if phases else None,
-        )
-        return cls(motion, certificate, cost, intervals, phases, costates, **more)
+        cost = trajectory_cost(motion, problem.effort_weights())
+        return cls(motion, certificate, cost, intervals, phases, phases, **more)
 
     @property
     def error(self) -> float:

@@ -31,11 +31,10 @@ def test_intervals_fill_their_arcs(arm):
 def test_states_are_joined_by_the_tableau_and_pinocchios_dynamics(arm):
     phases, pin = solved(arm).phases, PinDynamics(solved(arm).problem.robot)
     K, stages, n = phases.tau.shape
-    states = (phases.stage_q.reshape(-1, n), phases.stage_v.reshape(-1, n), phases.tau.reshape(-1, n))
-    a = np.array([pin.aba(*row) for row in zip(*states, strict=True)]).reshape(K, stages, n)
+    a = np.array([pin.aba(*row) for row in zip(*phases.points, strict=True)]).reshape(K, stages, n)
     h = np.diff(phases.t)[:, None]
     # IPOPT's 1e-10 of the scaled problem, whose speeds are about 10 rad/s.
-    rise = h * np.einsum("j,kji->ki", TABLEAU.b, phases.stage_v)
+    rise = h * np.einsum("j,kji->ki", TABLEAU.b, phases.points[1].reshape(K, stages, n))
     np.testing.assert_allclose(np.diff(phases.q, axis=0), rise, atol=1e-8)
     np.testing.assert_allclose(np.diff(phases.v, axis=0), h * np.einsum("j,kji->ki", TABLEAU.b, a), atol=1e-7)
 
@@ -52,4 +51,5 @@ def test_the_hamiltonian_is_zero_and_torques_pull_outward(arm):
     for k, arc in enumerate(phases.arc_of):
         for i in range(n):
             outward = 1.0 if phases.arcs[arc].modes[i] is Mode.UPPER else -1.0
-            assert np.all(outward * phases.torque_multiplier[k, :, i] <= 1e-7 * phases.duration)
+            switched = phases.switched.reshape(phases.tau.shape)[k, :, i]
+            assert np.all(outward * switched <= 1e-7 * phases.duration)

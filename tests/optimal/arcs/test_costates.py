@@ -95,5 +95,5 @@ def test_integrals_are_those_of_the_costates_at_the_knots():
     h, rho = np.diff(costates.t), costates.costate[:, 1:]
     # The trapezoidal rule is off by a curvature's part, 1e-4 on a mesh of some hundred intervals.
     assert costates.pushed.sum() == pytest.approx(h @ (rho[:-1] + rho[1:])[:, 0] / 2, rel=1e-3)
-    S = np.linalg.solve(joint_inertia(robot)(costates.q), np.ones((costates.q.shape[0], 1, 1)))[:, 0]
+    S = np.linalg.solve(joint_inertia(robot)(costates.points[0]), np.ones((len(costates.pushed), 1, 1)))[:, 0]
     np.testing.assert_allclose(costates.switched, S * costates.pushed, rtol=1e-9, atol=1e-15)
