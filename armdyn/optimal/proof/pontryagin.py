@@ -16,7 +16,8 @@ import numpy as np
 from armdyn.arrays import Array, Flags
 from armdyn.dynamics.numeric import forward_dynamics, joint_inertia
 from armdyn.models.robots.robot import Robot
-from armdyn.optimal.arcs.arc import HELD, POSITION, UPPER_LIMITS, VELOCITY, Mode, outward
+from armdyn.optimal.arcs.arc import HELD, POSITION, UPPER_LIMITS, VELOCITY, outward
+from armdyn.optimal.arcs.costates import Costates
 from armdyn.optimal.arcs.phases import TABLEAU, Phases
 from armdyn.optimal.landing.rollout import replay_torques, transitions
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -43,25 +44,23 @@ def pontryagin(problem: MinimumTimeProblem, phases: Phases) -> tuple[Array, Arra
     return hamiltonian, switching, float(max(worst, _worst_multiplier(phases)))
 
 
-def idle_joints(problem: MinimumTimeProblem, phases: Phases, switching: Array, tolerance: float) -> tuple[str, ...]:
-    """Joints that minimum time leaves undetermined for over half of the motion: no active limit, zero costates.
+def idle_joints(problem: MinimumTimeProblem, costates: Costates, switching: Array, tolerance: float) -> tuple[str, ...]:
+    """Joints that minimum time leaves undetermined for over half of the motion, with zero costates.
 
     Zero costates are the only ones that Pontryagin's conditions allow there: H does not depend on the joint's motion.
 
     Args:
         problem: the minimum-time problem.
-        phases: its arcs, with costates.
+        costates: costates of its optimum.
         switching: S at the knots, shape (K + 1, nv).
         tolerance: tolerance of a change of H, relative to time's 1.
     """
     if problem.effort_weight > 0:  # every torque costs
         return ()
-    limits, n = problem.limits, problem.robot.nv
-    by_torque = np.abs(switching) * (limits.actuators.width)
-    by_position = np.abs(phases.costate[:, :n]) * np.max(np.abs(phases.v), axis=0)
+    by_torque = np.abs(switching) * problem.limits.actuators.width
+    by_position = np.abs(costates.costate[:, : problem.robot.nv]) * np.max(np.abs(costates.points[1]), axis=0)
     zero = np.maximum(by_torque, by_position) <= tolerance
-    free = phases.modes == Mode.FREE
-    shares = np.diff(phases.t) @ (free & zero[:-1] & zero[1:]) / phases.duration
+    shares = np.diff(costates.t) @ (zero[:-1] & zero[1:]) / costates.t[-1]
     return tuple(name for name, share in zip(problem.robot.joint_names, shares, strict=True) if share > 1 / 2)
 
 

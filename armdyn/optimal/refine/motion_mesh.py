@@ -16,8 +16,9 @@ from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.landing.shooting import Shooting, gaps, landed
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.unknowns import mesh
-from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, SAVING_TOLERANCE
+from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, SAVING_TOLERANCE, SWITCHING_TOLERANCE
 from armdyn.optimal.proof.mesh_costates import MeshCostates, mesh_costates
+from armdyn.optimal.proof.pontryagin import idle_joints
 from armdyn.optimal.proof.repeat import repeated
 from armdyn.optimal.refine.optimum import MeshMargins, Optimum, excess
 from armdyn.optimal.refine.switch_mesh import on_finer_meshes
@@ -350,6 +351,7 @@ def _judged(task: Task, attempt: Attempt, remark: str) -> _Judged | None:
             certificate,
             remark="",
             saving=saving,
+            idle=idle_joints(problem, costates, costates.switching, SWITCHING_TOLERANCE),
             t=costates.t,
             costate=costates.costate,
             switching=costates.switching,

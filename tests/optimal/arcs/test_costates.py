@@ -90,6 +90,17 @@ def test_a_torque_that_holds_another_joints_velocity_limit_by_differences():
     assert by.effort_upper[0] < -0.025
 
 
+@pytest.mark.slow
+def test_a_joint_that_time_leaves_open_is_idle_on_a_mesh_as_on_arcs():
+    problem = gantry_problem()
+    for solution in (mesh_alone(problem), solve(problem, workers=1)):
+        assert solution.certificate.idle == ("y",)
+    # A pole has no torque to switch, and no joint is idle.
+    robot = ad.Robot.from_library("cart_pole", effort_limit=3.0)
+    pole = ad.MinimumTimeProblem(robot, q_start=[0.0, 0.0], q_goal=[1.0, 0.0])
+    assert mesh_alone(pole).certificate.idle == mesh_alone(paper_problem("rr")).certificate.idle == ()
+
+
 def test_integrals_are_those_of_the_costates_at_the_knots():
     costates, robot = mesh_alone(paper_problem("r")).costates, paper_arm("r")
     h, rho = np.diff(costates.t), costates.costate[:, 1:]
