@@ -63,7 +63,8 @@ class Terminal:
     def print(self, what: Shown) -> None:
         """Print rich's markup, unless `quiet` is set."""
         if not self.quiet:
-            self.rich.print(what, crop=False)  # the terminal folds long lines
+            command = isinstance(what, str) and what.startswith("armdyn ")  # stays one line, to be copied
+            self.rich.print(what, crop=False, soft_wrap=command)  # the terminal folds long lines
 
 
 console, errors = Terminal(), Terminal(stderr=True)
@@ -136,7 +137,8 @@ def done(status: str, facts: Mapping[str, object], *shown: Shown, files: Iterabl
 def failed(status: str, message: str, code: int, **facts: object) -> Answer:
     """The answer of a command that failed."""
     known = {**facts, "success": False, "status": status, "message": message}
-    return Answer(facts=known, code=code, remarks=[_complaint(message)])
+    said, *lines = message.split("\n")
+    return Answer(facts=known, code=code, remarks=[_complaint(said), *map(escape, lines)])
 
 
 def interrupted(message: str = "", **facts: object) -> Answer:

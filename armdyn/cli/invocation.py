@@ -1,5 +1,6 @@
 """The command that is running: its name, and the values of its options."""
 
+import ast
 import math
 import re
 import shlex
@@ -46,6 +47,13 @@ _PHRASES = {
     "what='all' instead of 'friction'": "leave out --friction-only",
 }
 """Options of other expressions of Python in messages."""
+
+_REPAIR = re.compile(r"ad\.repair_urdf\((?:('[^']*'|\"[^\"]*\")|file)((?:, \w+='?[\w.-]+'?)*)\)")
+_MENDING = re.compile(
+    r"(?<=: )(?=ad\.Robot|effort_limit=\{)(?:ad\.Robot\.from_urdf_string\((armdyn doctor .*?)\.text(?:, )?)?"
+    r"(?:effort_limit=\{(.*?)\})?\)?$"
+)
+"""Calls of `repair_urdf`, and the Python of `faults.mending` at the end of a message."""
 
 
 @contextmanager
@@ -109,6 +117,7 @@ def in_options(text: str) -> str:
         flag, name = flags.get(option_of(match[1]), ("", ""))
         return flag if flag and is_given(name) else match[1]
 
+    text = _MENDING.sub(_mended, _REPAIR.sub(_repair, text))
     for phrase, option in _PHRASES.items():
         text = text.replace(phrase, option)
     text = re.sub(r"\block=\{'([^']+)': '?([^'}]+)'?\}", r"--lock \1=\2", text)
@@ -125,12 +134,43 @@ def invocation() -> dict[str, object]:
     now = _RUNNING.get()
     if now is _NONE:
         return {}
-    given = [(_flag(one.annotation), now.values[name]) for name, one in now.parameters.items() if is_given(name)]
-    first = sorted(given, key=lambda one: one[0] != "")  # arguments; the order stays otherwise
-    words = ["armdyn", now.command, *(word for flag, value in first for word in _typed(flag, value))]
     return {
-        "request": {"command": shlex.join(words), "options": {name: plain(now.values[name]) for name in now.parameters}}
+        "request": {"command": _line(now.values), "options": {name: plain(now.values[name]) for name in now.parameters}}
     }
+
+
+def _line(values: Mapping[str, Any]) -> str:
+    """The running command with values of its options, as a line for a shell with all that is not by default."""
+    now = _RUNNING.get()
+    given = [
+        (_flag(one.annotation), values[name]) for name, one in now.parameters.items() if values[name] != one.default
+    ]
+    first = sorted(given, key=lambda one: one[0] != "")  # arguments; the order stays otherwise
+    return shlex.join(["armdyn", now.command, *(word for flag, value in first for word in _typed(flag, value))])
+
+
+def _repair(match: re.Match[str]) -> str:
+    """The command of a call of `repair_urdf`."""
+    file = shlex.quote(ast.literal_eval(match[1])) if match[1] else "FILE"
+    return f"armdyn doctor {file} --repair" + re.sub(r", (\w+)='?([\w.-]+)'?", r" --\1 \2", match[2])
+
+
+def _mended(match: re.Match[str]) -> str:
+    """The line of `faults.mending` for a shell: the repair, and the running command with its file and the limits."""
+    repair, values = match[1], dict(_RUNNING.get().values)
+    robot, given = str(values.get("robot", ".toml")), ",".join(values.get("effort_limit") or ())
+    joints = [one for one in re.findall("'([^']*)': …", match[2] or "") if f"{one}=" not in given]
+    again, lines = not robot.endswith(".toml") and command_name() != "doctor", []
+    if not repair and not again:  # keys of a file
+        return f"effort_limit = {{ {', '.join(f'{one} = …' for one in joints)} }}"
+    if repair:
+        values["robot"] = f"{Path(shlex.split(repair)[2]).stem}-repaired.urdf"
+        lines = [f"{repair} --out {shlex.quote(values['robot'])}"]
+    if "effort_limit" not in values or values.get("kinematic") or (given and "=" not in given):
+        joints = []
+    if again:
+        lines.append(_line(values) + (f" --effort-limit {','.join(f'{one}=…' for one in joints)}" if joints else ""))
+    return "\n" + " && ".join(lines)
 
 
 def _typed(flag: str, value: object) -> list[str]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from armdyn import models
 from armdyn.cli.console import NOT_USABLE, Answer, Shown, done, escape, table
+from armdyn.cli.invocation import in_options
 from armdyn.cli.options.robot import PartOptions
 from armdyn.errors import ProblemError
 from armdyn.files import attributes, probe_folder, write_whole
@@ -57,7 +58,7 @@ def repaired(robot: str | None, part: PartOptions, out: Path | None, density: fl
     made = done(status, _facts(found) | {"remarks": remarks}, *shown, files=written)
     if not found.refusal:
         return made
-    failure = {"success": False, "status": "refused", "message": found.refusal}
+    failure = {"success": False, "status": "refused", "message": in_options(found.refusal)}
     return replace(made, facts={**made.facts, **failure}, code=NOT_USABLE)
 
 
@@ -135,7 +136,8 @@ def _proposals(found: models.UrdfRepair) -> list[str]:
     lines += [f"tip: {found.tip}"] if found.tip else []
     if found.without_effort:
         held = ", ".join(f"{name} {torque:.4g}" for name, torque in found.without_effort.items())
-        lines.append(f"no torque limit: --effort-limit; holding still takes up to [N m or N]: {held}")
+        given = ",".join(f"{name}=…" for name in found.without_effort)
+        lines.append(f"no torque limit: --effort-limit {given}; holding still takes up to [N m or N]: {held}")
     if found.without_velocity:
         lines.append(f"no velocity limit: --velocity-limit ({', '.join(found.without_velocity)})")
-    return lines + ([f"still refused: {found.refusal}"] if found.refusal else [])
+    return lines + (in_options(f"still refused: {found.refusal}").split("\n") if found.refusal else [])

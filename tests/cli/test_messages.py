@@ -2,6 +2,7 @@
 
 import ast
 import re
+import shlex
 from functools import cache
 from pathlib import Path
 
@@ -168,3 +169,36 @@ def test_one_number_that_raises_a_files_limits_is_said(tmp_path):
     assert "shoulder" not in said.partition("; JOINT=")[0]
     for quiet in ("20", "wrist_1_joint=100", "150,150,150,100,100,100"):
         assert "raises" not in run_here("mintime", *given, quiet, cwd=tmp_path).stderr
+
+
+UNPHYSICAL = '<inertia ixx=".9" ixy="0" ixz="0" iyy=".02" iyz="0" izz=".01"/>'
+
+
+@pytest.mark.slow
+def test_the_last_line_of_a_refusal_mends_the_file(tmp_path):
+    """An impossible inertia and a missing torque limit, one after the other, were two runs and no command."""
+    text = ad.Robot.from_spec(ad.ArmSpec.paper("rr")).urdf
+    text = re.sub(r'effort="[^"]*"', 'effort="0"', re.sub(r"<inertia [^>]*>", UNPHYSICAL, text, count=1), count=1)
+    (tmp_path / "my arm.urdf").write_text(text)
+    given = "mintime", "my arm.urdf", *POSES, "--no-figure", "--no-report", "--effort-limit", "joint2=3"
+    done = run_here(*given, cwd=tmp_path)
+    *_, line = done.stderr.splitlines()
+    assert done.returncode == 2 and "no torque limit: joint1" in " ".join(done.stderr.split())
+    repair, again = line.replace("…", "3").split(" && ")
+    assert repair == "armdyn doctor 'my arm.urdf' --repair --large nearest --out 'my arm-repaired.urdf'"
+    assert run_here(*shlex.split(repair)[1:], cwd=tmp_path).returncode == 0
+    assert run_here(*shlex.split(again)[1:], cwd=tmp_path).returncode == 0
+
+
+def test_joints_without_torque_limits_are_named_at_once(tmp_path):
+    text = re.sub(r'effort="[^"]*"', 'effort="0"', ad.Robot.from_spec(ad.ArmSpec.paper("rr")).urdf)
+    (tmp_path / "arm.urdf").write_text(text)
+    message = run_json("mintime", "arm.urdf", *POSES, code=2, cwd=tmp_path)["message"]
+    assert "'joint1' has torque limits" in message and "'joint2' has torque limits" in message
+    held = np.abs(ad.Robot.from_urdf(tmp_path / "arm.urdf").holding_torque([0, 0]))  # level, the hardest pose
+    assert f"up to [N m or N]: joint1 {held[0]:.3g}, joint2 {held[1]:.3g}" in message
+    assert message.endswith(
+        "\narmdyn mintime arm.urdf --q-start 0,0 --q-goal 1,1 --json --effort-limit joint1=…,joint2=…"
+    )
+    with pytest.raises(ProblemError, match=r"; to mend: effort_limit=\{'joint1': …, 'joint2': …\}$"):
+        ad.MinimumTimeProblem(ad.Robot.from_urdf(tmp_path / "arm.urdf"), q_start=[0, 0], q_goal=[1, 1])

@@ -21,7 +21,8 @@ def test_nothing_is_written_unless_a_file_is_named(tmp_path):
 
 def test_the_repaired_model_is_marked_in_results(tmp_path):
     (tmp_path / "arm.urdf").write_text(BROKEN)
-    assert run_json("doctor", "arm.urdf", code=2, cwd=tmp_path)["message"].endswith("shows the nearest physical one")
+    remedy = run_json("doctor", "arm.urdf", code=2, cwd=tmp_path)["message"].splitlines()[-1]
+    assert remedy == "armdyn doctor arm.urdf --repair --out arm-repaired.urdf"
     data = run_json("doctor", "arm.urdf", "--repair", "--out", "mended.urdf", cwd=tmp_path)
     assert data["files"] == ["mended.urdf"] and (tmp_path / "arm.urdf").read_text() == BROKEN
     read = run_json("doctor", "mended.urdf", cwd=tmp_path)

@@ -12,6 +12,7 @@ from armdyn.arguments import shown
 from armdyn.arrays import Array
 from armdyn.errors import SpecError, UnsupportedJointError, UrdfError, did_you_mean
 from armdyn.models.reading.ends import gripper_joints, joint_numbers, tip_of
+from armdyn.models.reading.faults import repair_call
 from armdyn.models.reading.urdf_check import inertia_fault
 from armdyn.models.reading.urdf_xml import LARGEST, clipped
 from armdyn.models.values.joint_limits import JointLimits
@@ -161,7 +162,7 @@ def locked_joints(
             what = (
                 f"mimics {clipped(mimics[name].leader)!r}, which moves; coupled joints are not supported "
                 "(docs/models.md says why): lock that one, and this follows, or only this one; "
-                "`armdyn doctor FILE --repair` shows where"
+                f"{repair_call(source)} shows where"
             )
             raise UnsupportedJointError(source, what, f"joint {clipped(name)!r}")
         if not abs(at) <= LARGEST:

@@ -11,8 +11,10 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from armdyn.arrays import Array
+from armdyn.models.reading.faults import Faults
 from armdyn.models.reading.shape_inertia import InertiaEstimate
-from armdyn.models.reading.urdf_check import MOMENTS, POINT_MASS, inertia_fault, inertia_tensor
+from armdyn.models.reading.urdf_check import MOMENTS, POINT_MASS, inertia_fault, inertia_tensor, numbers_of
+from armdyn.models.reading.urdf_xml import clipped
 
 THINNEST = 1e-3
 """Least radius of gyration along an axis that a changed body gets [m]: a sheet of 3.5 mm has it, no link is thinner."""
@@ -134,19 +136,34 @@ def repaired_inertias(root: Element, source: str) -> tuple[InertiaRepair, ...]:
         root: of `urdf_check.parse_urdf`.
         source: name of the file or text, in messages.
     """
-    found = []
-    for link in root.findall("link"):
-        if (inertial := link.find("inertial")) is None:
-            continue
-        name, mass = str(link.get("name")), float(inertial.find("mass").get("value", ""))  # type: ignore[union-attr]
-        tensor = inertia_tensor(inertial, source, f"link {name!r}")
-        if mass <= 0 or np.max(np.abs(tensor)) < POINT_MASS:
-            continue
-        least, *_, largest = np.linalg.eigvalsh(second_moments(tensor))
-        if (fault := inertia_fault(tensor)) or least < -_ROUNDED * largest:
-            after = nearest_physical(mass, tensor)
-            found.append(InertiaRepair(link=name, fault=fault, mass=mass, before=tensor, after=after))
-    return tuple(found)
+    found = (inertia_repair(link, source) for link in root.findall("link"))
+    return tuple(one for one in found if one is not None and one.mass > 0)
+
+
+def inertia_repair(link: Element, source: str) -> InertiaRepair | None:
+    """The unphysical inertia of a link and the nearest physical one; None: it is physical, or that of a point.
+
+    Args:
+        link: of a URDF; a mass that is no mass [kg] counts as 0.
+        source: name of the file or text, in messages.
+
+    Raises:
+        UrdfError: the inertia is not six numbers.
+    """
+    if (inertial := link.find("inertial")) is None:
+        return None
+    where = f"link {clipped(link.get('name'))!r}"
+    tensor = inertia_tensor(inertial, source, where)
+    least, *_, largest = np.linalg.eigvalsh(second_moments(tensor))
+    fault, most = inertia_fault(tensor), np.linalg.eigvalsh(tensor)[-1]
+    if np.max(np.abs(tensor)) < POINT_MASS or not (fault or least < -_ROUNDED * largest):
+        return None
+    known = Faults(source).of(numbers_of, inertial, "mass", source, where)
+    mass = known["value"][0] if known else 0.0
+    if fault and mass * most > 0:
+        fault += f"; its radius of gyration is {np.sqrt(most / mass):.3g} m with {mass:g} kg"
+    after = nearest_physical(mass, tensor)
+    return InertiaRepair(link=str(link.get("name")), fault=fault, mass=mass, before=tensor, after=after)
 
 
 def with_inertias(text: str, changed: Mapping[str, Array], estimates: Sequence[InertiaEstimate] = ()) -> str:

@@ -21,7 +21,6 @@ from armdyn.models.reading.meshes import mesh_folders, resolve_mesh
 from armdyn.models.reading.nearest_inertia import LARGE, InertiaRepair, Large, repaired_inertias, with_inertias
 from armdyn.models.reading.shape_inertia import InertiaEstimate, estimated_inertias
 from armdyn.models.reading.urdf_arm import massless_links, read_arm, whole_robot
-from armdyn.models.reading.urdf_check import parse_urdf
 from armdyn.models.reading.urdf_xml import file_path, read_urdf
 
 _FOLDERS_ABOVE = 6
@@ -91,14 +90,13 @@ def repair_urdf(
     """
     file = file_path(path)
     text, source = read_urdf(file), str(file)
-    root = parse_urdf(text, source)
+    root, mimics, model = whole_robot(text, source)
     one_of(large, LARGE, "large", error=SpecError)
     if density is not None:
         number(density, "density", unit="kg/m³", sign="positive", error=SpecError)
     inertias = repaired_inertias(root, source)
     chosen = {one.link: one.chosen(large) for one in inertias}
     packages = _packages(root, file, each(package_dirs, "package_dirs", path_of, error=SpecError))
-    _, mimics, model = whole_robot(text, source)
     leaders = {name: mimic.leader for name, mimic in mimics.items()}
     gripper = {*gripper_joints(model, leaders), *leaders.values()} - leaders.keys()
     lock = {name: rest_of(model, i) for name, i in joint_numbers(model).items() if name in gripper}

@@ -11,23 +11,19 @@ from numpy.typing import ArrayLike
 
 from armdyn.arrays import Array
 from armdyn.errors import UrdfError
+from armdyn.models.reading.dynamics_check import check_dynamics
+from armdyn.models.reading.faults import Faults, repair_call
 from armdyn.models.reading.from_pinocchio import Mimic, Reading, arm_of, default_locks, locked_joints
 from armdyn.models.reading.nearest_inertia import MARK
-from armdyn.models.reading.urdf_check import MOVING, check_inertias, dynamics_urdf, parse_urdf
+from armdyn.models.reading.urdf_check import MOVING, dynamics_urdf, parse_urdf
 from armdyn.models.reading.urdf_xml import clipped, finite_numbers
+from armdyn.parsing.numbers import FREE
 
 _SINGULAR = 1e-10
 """Scaled mass matrices with a smaller eigenvalue are singular."""
 
 _NAMED = 10
 """Largest number of links that a message names."""
-
-UNKNOWN_TORQUES = (
-    "Torques are unknown without it: write it into the file, give `inertias` or `armature`, or estimate it from shapes "
-    "(armdyn doctor FILE --repair --density 2700) and measure it (armdyn identify). Minimum time without torques: "
-    "`kinematic`"
-)
-"""Remedies of missing inertias, in messages."""
 
 
 def read_arm(text: str, source: str, lock: Mapping[str, float | str], arm: tuple[str, str] | None) -> Reading:
@@ -44,11 +40,11 @@ def read_arm(text: str, source: str, lock: Mapping[str, float | str], arm: tuple
         UnsupportedJointError: a joint that moves is of no known kind, or mimics another that moves.
         SpecError: a lock or the arm does not fit it.
     """
-    root, mimics, model = whole_robot(text, source)
-    locked = locked_joints(model, source, lock, arm, mimics)
-    free = {i for i, name in enumerate(model.names) if i and name not in locked}
-    moving = {str(frame.name) for frame in model.frames if free & set(model.supports[frame.parentJoint])}
-    check_inertias(root, source, moving)
+    still = frozenset(name for name, value in lock.items() if value != FREE)
+    root, mimics, model = whole_robot(text, source, still)
+    faults = Faults(source)
+    locked = faults.of(locked_joints, model, source, lock, arm, mimics) or {}
+    check_dynamics(root, source, still | locked.keys(), faults)
     marks = [mark.get("repaired", "") for mark in root.findall(MARK)]
     reading = arm_of(model, source, locked, arm)
     gripper = default_locks(model, lock, arm, mimics)
@@ -56,13 +52,23 @@ def read_arm(text: str, source: str, lock: Mapping[str, float | str], arm: tuple
 
 
 @lru_cache(maxsize=16)
-def whole_robot(text: str, source: str) -> tuple[Element, dict[str, Mimic], pin.Model]:
+def whole_robot(
+    text: str, source: str, locked: frozenset[str] = frozenset()
+) -> tuple[Element, dict[str, Mimic], pin.Model]:
     """The URDF, the joints that follow others, and Pinocchio's model of the whole robot; all read-only.
 
     A robot is read again for every payload.
+
+    Args:
+        text: the URDF.
+        source: name of the file or text, in messages.
+        locked: names of joints that do not move.
     """
-    root = parse_urdf(text, source)
-    mimics = _mimics(root, source)
+    faults = Faults(source)
+    root = parse_urdf(text, source, faults)
+    mimics = faults.of(_mimics, root, source) or {}
+    if faults:
+        check_dynamics(root, source, locked, faults)
     try:
         return root, mimics, pin.buildModelFromXML(dynamics_urdf(root))
     except (RuntimeError, ValueError) as error:
@@ -123,11 +129,13 @@ def check_inertia(model: pin.Model, source: str) -> None:
         joint = int(np.argmax(np.abs(vectors[:, 0])))
         what = f"moves no inertia of its own (the mass matrix is singular to {values[0]:.1e})"
     links = ", ".join(clipped(name) for name in massless_links(model)[:_NAMED])
-    raise UrdfError(
-        source,
-        f"{what}{f'; links without mass: {links}' if links else ''}. {UNKNOWN_TORQUES}",
-        f"joint {clipped(model.names[1 + joint])!r}",
+    what += f"; links without mass: {links}" if links else ""
+    remedy = (
+        "Torques are unknown without it: write it into the file, give `inertias` or `armature`, or estimate it from "
+        f"shapes ({repair_call(source, ', density=2700')}) and measure it (armdyn identify). Minimum time without "
+        "torques: `kinematic`"
     )
+    raise UrdfError(source, f"{what}. {remedy}", f"joint {clipped(model.names[1 + joint])!r}")
 
 
 def massless_links(model: pin.Model) -> tuple[str, ...]:

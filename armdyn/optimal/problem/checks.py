@@ -10,6 +10,8 @@ import numpy as np
 from armdyn.arguments import several, shown
 from armdyn.arrays import Array, Flags
 from armdyn.errors import ArmdynWarning, ContactError, ProblemError
+from armdyn.models.reading.faults import mending
+from armdyn.models.reading.holding import hardest_poses
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.collision import DEEPEST, Clearance, CollisionModel
 from armdyn.models.values.joint_limits import JointLimits
@@ -133,22 +135,29 @@ def check_accelerations(robot: Robot, largest: Array) -> None:
 
 def check_limits(robot: Robot, limits: JointLimits, torques: bool = True) -> None:
     """Refuse empty ranges of position or torque, and infinite torque limits unless torques do not count."""
+    found, without = [], []
     for i, joint in enumerate(robot.joint_names):
         unit, effort = joint_unit(robot.slides[[i]]), joint_unit(robot.slides[[i]], "N m", "N")
         lower, upper = limits.actuators.lower[i], limits.actuators.upper[i]
         if torques and (not (lower < upper or limits.passive[i]) or not np.isfinite(upper - lower)):
-            raise ProblemError(
-                f"joint {joint!r} has torque limits [{lower}, {upper}] {effort}; minimum time needs finite ones, the "
-                f"lower below the upper: give `effort_limit`, or name the joint in `passive` if it has no motor"
-            )
+            found.append(f"joint {joint!r} has torque limits [{lower}, {upper}] {effort}")
+            without.append(joint)
         if not limits.velocity[i] >= SLOWEST:
-            raise ProblemError(
+            found.append(
                 f"joint {joint!r} has velocity limit {limits.velocity[i]} {unit}/s; it must be positive, "
                 f"{SLOWEST:g} at least"
             )
         lower, upper = limits.position_lower[i], limits.position_upper[i]
         if not lower < upper:
-            raise ProblemError(f"joint {joint!r} has position limits [{lower}, {upper}] {unit}: no room")
+            found.append(f"joint {joint!r} has position limits [{lower}, {upper}] {unit}: no room")
+    if without:
+        poses = hardest_poses(robot.model, limits.position_lower, limits.position_upper) if robot.has_dynamics else []
+        most = {name: f"{name} {abs(one):.3g}" for name, (_, one) in zip(robot.joint_names, poses, strict=False)}
+        need = "minimum time needs finite ones, the lower below the upper: give `effort_limit`, or name the joint in "
+        held = f"; holding still takes up to [N m or N]: {', '.join(most[one] for one in without)}" if most else ""
+        found.append(f"{need}`passive` if it has no motor{held}; to mend: {mending(without)}")
+    if found:
+        raise ProblemError("; ".join(found))
 
 
 def check_poses(poses: Array) -> None:
