@@ -36,6 +36,7 @@ _OTHER_NAMES = {
 _PHRASES = {
     "ad.lower_bound(problem)": "armdyn bound",
     "np.deg2rad(…)": "--degrees",
+    "{'JOINT': NUMBER}": "JOINT=NUMBER",
     "FrameSpeedLimit": "--limit tip-speed",
     "RmsTorque": "--limit rms-torque",
     "TorqueRateLimit": "--limit torque-rate",

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import armdyn as ad
 from armdyn.arguments import shown
 from armdyn.cli.options.groups import LIMITS, ROBOT, PerJoint, group, option
-from armdyn.errors import ArmdynWarning, ProblemError
+from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import numbers, one_or_more
 from armdyn.reprs import joint_unit
 
@@ -64,7 +63,7 @@ class JointOptions:
             ArmdynError: an option does not fit it.
         """
         return (
-            _limited(robot, "effort", self.effort_limit)
+            robot.with_limits(self.effort_limit, None)
             .with_torque_speed(_curves(self.torque_speed))
             .with_armature(self.armature, self.rotor_inertia, self.gear_ratio)
             .with_friction(self.damping, self.friction, self.friction_width)
@@ -93,25 +92,11 @@ class FastJointOptions:
 
     def fit(self, robot: ad.Robot) -> ad.Robot:
         """A robot with these joints; see `JointOptions.fit`."""
-        limited = _limited(robot, "velocity", self.velocity_limit)
-        return self.joints.fit(limited).with_passive(self.passive or ())
+        return self.joints.fit(robot.with_limits(None, self.velocity_limit)).with_passive(self.passive or ())
 
     def problem_arguments(self) -> dict[str, Any]:
         """The reserves of a `MinimumTimeProblem`, as its arguments."""
         return {"reserve": self.reserve, "velocity_reserve": self.velocity_reserve}
-
-
-def _limited(robot: ad.Robot, kind: Literal["effort", "velocity"], limit: Any) -> ad.Robot:
-    """A robot with other limits of one kind; warns where one number for all joints raises some of its file's."""
-    effort = kind == "effort"
-    found = robot.with_limits(limit, None) if effort else robot.with_limits(None, limit)
-    own, new = (one.limits.effort_upper if effort else one.limits.velocity for one in (robot, found))
-    of_file = robot.origin is None or robot.origin.spec is None
-    raised = [f"{joint} from {was:g}" for joint, was, now in zip(robot.joint_names, own, new, strict=True) if now > was]
-    if raised and of_file and isinstance(limit, float):
-        more = f"--{kind}-limit {new.max():g} raises the file's limits of {', '.join(raised)}; JOINT=NUMBER changes one"
-        warnings.warn(more, ArmdynWarning, stacklevel=2)
-    return found
 
 
 def reserve_words(problem: ad.MinimumTimeProblem) -> dict[str, str]:

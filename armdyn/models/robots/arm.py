@@ -180,7 +180,8 @@ class Arm(Checked):
     def with_limits(self, effort_limit: JointNumbers | None, velocity_limit: JointNumbers | None) -> Self:
         """This robot with other limits: one number, one per joint, or some by joint name; None keeps its own.
 
-        A torque limit of zero is that of a joint without a motor. One number is for all joints that have one.
+        A torque limit of zero is that of a joint without a motor. One number is for all joints that have one; a warning
+        names the joints whose limits, of a file, it raises.
 
         Raises:
             SpecError: wrong length, NaN, or negative.
@@ -191,6 +192,15 @@ class Arm(Checked):
         if velocity_limit is not None:
             velocity = self._read(velocity_limit, "velocity_limit", "rad/s or m/s", limits.velocity, finite=False)
             limits = replace(limits, velocity=velocity)
+        for name, given, own, new in (
+            ("effort_limit", effort_limit, self.limits.effort_upper, limits.effort_upper),
+            ("velocity_limit", velocity_limit, self.limits.velocity, limits.velocity),
+        ):
+            above = np.flatnonzero((new > own) & np.isfinite(new))
+            raised = ", ".join(f"{self.joint_names[i]} from {own[i]:g}" for i in above)
+            if isinstance(given, int | float | np.number) and raised and not (self.origin and self.origin.spec):
+                said = f"`{name}` {new.max():g} raises the file's limits of {raised}; {{'JOINT': NUMBER}} changes one"
+                warnings.warn(said, ArmdynWarning, stacklevel=2)
         return replace(self, limits=limits)
 
     def with_torque_speed(self, torque_speed: Mapping[str, ArrayLike] | None) -> Self:

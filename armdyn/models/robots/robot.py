@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self, Unpack
+from typing import Any, Self, Unpack
 
 import numpy as np
 import pinocchio as pin
@@ -101,7 +101,9 @@ class Robot(Arm):
         """This robot read again with other options; its name, limits, rotors, friction and tip stay."""
         if self.origin is None:
             raise SpecError(f"{self.source} was put together by hand: it cannot be read again with another load")
-        read = type(self).from_source(self.origin, options).with_armature(self.model.armature)
+        limits: dict[str, Any] = {"effort_limit": self.limits.effort_upper, "velocity_limit": self.limits.velocity}
+        given = {name: row for name, row in limits.items() if getattr(options, name) is not None}  # warned of once
+        read = type(self).from_source(self.origin, replace(options, **given)).with_armature(self.model.armature)
         return replace(read, name=self.name, limits=self.limits, friction=self.friction, tip=self.tip)
 
     @classmethod

@@ -92,7 +92,7 @@ def test_a_gripper_that_is_free_moves():
 
 def test_problem_files_keep_a_free_gripper(tmp_path):
     text = urdf(*ARM, link("jaw"), joint("gripper", "palm", "jaw"))
-    robot = ad.Robot.from_urdf_string(text, lock={"gripper": "free"}, effort_limit=50)
+    robot = ad.Robot.from_urdf_string(text, lock={"gripper": "free"}, effort_limit=[50] * 4)
     problem = ad.MinimumTimeProblem(robot, q_start=[0] * 4, q_goal=[0.1] * 4)
     (tmp_path / "problem.toml").write_text(problem.to_toml())
     assert ad.read_problem(tmp_path / "problem.toml").robot.joint_names == robot.joint_names

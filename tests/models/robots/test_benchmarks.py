@@ -47,7 +47,7 @@ def test_limits(name):
 def test_one_effort_limit_is_for_all_joints_that_have_a_motor():
     robot = Robot.from_library("cart_pole", effort_limit=5.0)
     assert robot.limits.effort_upper.tolist() == [5.0, 0.0]
-    assert robot.with_limits(7.0, None).limits.effort_lower.tolist() == [-7.0, 0.0]
+    assert robot.with_limits(4.0, None).limits.effort_lower.tolist() == [-4.0, 0.0]
     assert robot.with_limits([7.0, 1.0], None).passive == ()  # who says so of each joint means it
 
 

@@ -1,3 +1,5 @@
+import warnings
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -152,6 +154,25 @@ def test_overrides():
     assert np.array_equal(own.model.armature, np.zeros(6))
     assert np.array_equal(own.limits.effort_upper, [150, 150, 150, 28, 28, 28])
     assert np.all(np.isinf(Robot.from_urdf(path, velocity_limit=np.inf).limits.velocity))
+
+
+@pytest.mark.parametrize("number", [100, 100.0, np.float64(100)])
+def test_one_number_that_raises_a_files_limits_is_warned_of_once(number, recwarn):
+    """Only the command line warned."""
+    warnings.simplefilter("always")
+    robot = Robot.from_urdf(library_urdf("ur5")[0], effort_limit=number)
+    said = "`effort_limit` 100 raises the file's limits of wrist_1_joint from 28, wrist_2_joint from 28, wrist_3_joint"
+    assert [str(one.message).startswith(said) for one in recwarn] == [True]
+    assert robot.with_payload(Payload(mass=1.0)).limits.effort_upper.tolist() == [100] * 6
+    assert len(recwarn) == 1
+    robot.with_limits(None, 9)
+    assert str(recwarn[-1].message).startswith("`velocity_limit` 9 raises") and len(recwarn) == 2
+
+
+@pytest.mark.parametrize("limit", [20, {"wrist_1_joint": 100}, [150, 150, 150, 100, 100, 100], np.inf])
+def test_other_limits_are_meant(limit):
+    Robot.from_urdf(library_urdf("ur5")[0], effort_limit=limit)
+    Robot.from_spec(ArmSpec.paper("rr"), effort_limit=100.0)
 
 
 @pytest.mark.parametrize("option", ["effort_limit", "velocity_limit", "armature"])
