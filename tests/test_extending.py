@@ -25,8 +25,6 @@ from armdyn.optimal.path_constraints.registry import path_constraints_of
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.program.interval import CollocationInterval
 from armdyn.optimal.search.starts import spline
-from armdyn.optimal.solve.direct import solve_on_mesh
-from armdyn.optimal.solve.registry import SOLVERS
 from armdyn.optimal.task.task import Task
 from armdyn.show.visuals import obstacle_shapes
 from armdyn.studies.tasks.registry import TASKS
@@ -115,19 +113,6 @@ def test_a_path_constraint():
     h = 1e-3
     sizes = np.linalg.norm(tip(t + h) - 2 * tip(t) + tip(t - h), axis=1) / h**2
     assert 4.5 < np.max(sizes) < 5.01  # over h the torque may jump
-
-
-@pytest.fixture
-def solver():
-    """The section about a solver, its registration taken back afterwards."""
-    yield shown("A solver")
-    del SOLVERS["slsqp"]
-
-
-def test_a_solver(solver):
-    assert solver["one"].usable and solver["other"].usable
-    # IPOPT relaxes bounds by 1e-8 of them, SLSQP does not.
-    assert solver["other"].trajectory.duration == pytest.approx(solver["one"].trajectory.duration, rel=1e-6)
 
 
 @pytest.fixture
@@ -235,13 +220,6 @@ def test_a_constraint_with_a_mistake_is_refused_with_its_class():
     rows = replace(constraints.rows(problem)[0], expression=lambda *_: ca.SX(2, 3))
     with pytest.raises(ProblemError, match=r"rows of <lambda> have shape \(2, 3\)"):
         rows.functions(CollocationInterval(Dynamics(problem.robot, free_last_body=True), Task.of(problem).scheme))
-
-
-def test_a_solver_that_is_not_registered_is_refused_by_name():
-    task = Task.of(ad.MinimumTimeProblem(paper_arm("r"), q_start=[-1.0], q_goal=[0.5]))
-    task = replace(task, policy=task.policy.changed("program", solver="ipot"))
-    with pytest.raises(ProblemError, match="there is no solver 'ipot'; known: ipopt"):
-        solve_on_mesh(task, spline(task.problem, []), 10, task.alone())
 
 
 @pytest.mark.parametrize(

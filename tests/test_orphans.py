@@ -29,7 +29,7 @@ SEARCH = """
 import armdyn as ad
 robot = ad.Robot.from_urdf("rrr.urdf", payload=ad.Payload(mass=0.5))
 problem = ad.MinimumTimeProblem(robot, q_start=[-1.5, 0, 0], q_goal=[0.2, 0, 0])
-ad.solve_minimum_time(problem, ad.MinimumTimeOptions(method="radau3", workers=2))
+ad.solve_minimum_time(problem, ad.MinimumTimeOptions(compile=False, workers=2))
 """
 ENDINGS = pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM], ids=["SIGKILL", "SIGTERM"])
 
@@ -82,7 +82,7 @@ def test_within_one_long_call(how, room, together):
 @pytest.mark.slow
 @ENDINGS
 def test_in_the_middle_of_a_search(how, rrr):
-    """Of Radau's collocation, which IPOPT solves in processes: the stagewise method has threads."""
+    """Without machine code, so that IPOPT solves in processes: the stagewise method has threads."""
     owner = owner_of([sys.executable, "-c", SEARCH], rrr)
     assert_nothing_is_left(owner, workers_of(owner, min(os.cpu_count(), 2), 0.2), how)
 

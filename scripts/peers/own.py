@@ -13,8 +13,7 @@ from armdyn.optimal.task.task import Task
 
 def build(problem, method):
     """One of the three, ready to solve."""
-    # Beyond three joints the derivatives of forward dynamics cost more than the unknowns of inverse dynamics.
-    options = ad.MinimumTimeOptions(calm=0, compile=True, dynamics="forward" if problem.robot.nv <= 3 else "inverse")
+    options = ad.MinimumTimeOptions(calm=0, compile=True)
     task = Task.of(problem, options)
     if method == "full":
         if task.policy.strategy.curves_alone:

@@ -45,7 +45,7 @@ def test_time_limit_returns_the_best_so_far():
 @pytest.mark.parametrize("more", [{}, {"effort_weight": 1.0}, {"acceleration_limit": 50.0}])
 def test_nothing_is_built_when_the_time_is_up(more, monkeypatch):
     """A hundredth of a second is gone when the search begins: then it ends without a program, or a fork."""
-    monkeypatch.setattr("armdyn.optimal.solve.registry._built", lambda *_: pytest.fail("a program is built"))
+    monkeypatch.setattr("armdyn.optimal.task.task.Task.in_time", lambda *_: pytest.fail("a program is built"))
     solution = ad.solve_minimum_time(paper_problem("rrr", **more), ad.MinimumTimeOptions(time_limit=1e-9))
     assert solution.status is ad.Status.TIME_LIMIT and not solution.moves
     assert solution.message == "no motion was found: the time limit of 1e-09 s ended the search"

@@ -22,8 +22,8 @@ from armdyn.optimal.arcs.nlp_data import ArcNlpData, assemble_arcs
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Nlp, build_nlp
-from armdyn.optimal.solve.registry import in_time, solver_for
-from armdyn.optimal.solve.solver import NlpResult, Solver
+from armdyn.optimal.solve.ipopt import Ipopt, ipopt_for
+from armdyn.optimal.solve.solver import NlpResult
 from armdyn.optimal.task.options import SolverSettings
 from armdyn.optimal.task.policy.refinement import ArcsPolicy
 from armdyn.optimal.task.tableau import RADAU_5, differentiation, lagrange
@@ -166,7 +166,7 @@ def solve_phases(
     """Solve for the durations of arcs by Newton's method in IPOPT.
 
     Args:
-        task: the problem and its settings; its scheme has the form of the dynamics.
+        task: the problem and its settings.
         arcs: the structure, and guesses of its durations.
         guess: initial states, at the times of the guessed durations.
         intervals: number of intervals of the whole mesh.
@@ -189,12 +189,12 @@ def solve_phases(
     return Unresolved(result.message, result.status, result.iterations, phases)
 
 
-def _solver(task: Task, intervals: int, warm: bool) -> Solver[Nlp]:
-    step = replace(task, scheme=replace(task.scheme, method=TABLEAU.name, control="stage"))
+def _solver(task: Task, intervals: int, warm: bool) -> Ipopt[Nlp]:
+    step = replace(task, scheme=replace(task.scheme, control="stage"))
     numbers = task.policy.arcs
     barrier, push = (numbers.near_barrier, numbers.near_barrier) if warm else (numbers.barrier, None)
     settings = SolverSettings(numbers.tolerance, numbers.iterations, barrier=barrier, exact=True, push=push)
-    return in_time(step, lambda scheme: solver_for(task, settings, build_nlp, task.dynamics, scheme, intervals))
+    return step.in_time(lambda scheme: ipopt_for(settings, build_nlp, task.dynamics, scheme, intervals))
 
 
 def _read(task: Task, nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult) -> Phases:

@@ -214,7 +214,6 @@ class CurveInterval:
             acceleration=ca.SX(1),
             effort=shared.effort,
             dynamics=self.dynamics,
-            knots=(True, True),
         )
 
 

@@ -30,8 +30,8 @@ from armdyn.optimal.path_constraints.rows import StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Program
-from armdyn.optimal.solve.registry import in_time, solver_for
-from armdyn.optimal.solve.solver import NlpData, NlpResult, Solver
+from armdyn.optimal.solve.ipopt import Ipopt, ipopt_for
+from armdyn.optimal.solve.solver import NlpData, NlpResult
 from armdyn.optimal.task.options import Acceptable, SolverSettings
 from armdyn.optimal.task.policy.curves import SequentialPolicy
 from armdyn.optimal.task.task import Task
@@ -206,7 +206,7 @@ def curve_program(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout,
     others, required = None, spec.constraints.required_distances(problem)
     if (which := other_equations(shape, data.g_bounds[0].size)).size:
         rows = rows_of(problem, spec.constraints)
-        program = in_time(task, lambda scheme: build(task.dynamics, shape, rows, scheme.compile))
+        program = task.in_time(lambda scheme: build(task.dynamics, shape, rows, scheme.compile))
         others = OtherRows(program, data.p, which, bounds(which))
     points = [(basis, basis.gauss(POINTS)[0].ravel()) for basis in bases]
     return CurveProgram(
@@ -253,7 +253,7 @@ def solved_by_steps(task: Task, shape: CurveLayout, rows: tuple[StageRows, ...])
     return plain and task.policy.curves.cruises and not problem.pays_effort
 
 
-def _solver(task: Task, shape: CurveLayout, rows: tuple[StageRows, ...], warm: bool) -> Solver[Program]:
+def _solver(task: Task, shape: CurveLayout, rows: tuple[StageRows, ...], warm: bool) -> Ipopt[Program]:
     """The solver of the program; a program without machine code is rebuilt once its code is ready."""
     if arrived():
         forget()
@@ -267,4 +267,4 @@ def _solver(task: Task, shape: CurveLayout, rows: tuple[StageRows, ...], warm: b
         push=_WARM if warm else None,
         warm=warm,
     )
-    return in_time(task, lambda scheme: solver_for(task, settings, build, task.dynamics, shape, rows, scheme.compile))
+    return task.in_time(lambda scheme: ipopt_for(settings, build, task.dynamics, shape, rows, scheme.compile))

@@ -106,8 +106,8 @@ def _squares(stages: Stages, over_square: ca.SX, joint: int, *offset: float) -> 
     place = stages.dynamics.placements(q)[:, 4 * joint - 4 : 4 * joint]
     velocity = ca.jtimes(place[:, :3] @ ca.DM(offset) + place[:, 3], q, v)
     square = ca.Function("square", [q, v], [ca.cse(ca.sumsqr(velocity))])
-    first = 1 if all(stages.knots) else 0  # that stage is the last of the interval before
-    return ca.vertcat(*(square(stages.q[:, i], stages.v[:, i]) * over_square for i in range(first, stages.c.size)))
+    # The first stage is the last of the interval before.
+    return ca.vertcat(*(square(stages.q[:, i], stages.v[:, i]) * over_square for i in range(1, stages.c.size)))
 
 
 def _speeds(robot: Robot, frame: str, q: Array, v: Array) -> Array:

@@ -213,9 +213,9 @@ def _beyond(stages: Stages, numbers: ca.SX) -> ca.SX:
     """Excess of positions over the largest ones allowed at their velocities, over the joints' ranges."""
     n = stages.effort.numel()
     lower, upper, gain, offset, part = ca.vertsplit(numbers, [0, n, 2 * n, 3 * n, 4 * n, 4 * n + 1])
-    first = 1 if all(stages.knots) else 0  # that stage is the last of the interval before
+    # The first stage is the last of the interval before.
     rows = []
-    for k in range(first, stages.c.size):
+    for k in range(1, stages.c.size):
         q, v = stages.q[:, k], stages.v[:, k] / part
         rows += [
             (side + ca.fmax(0, speed + offset) ** 2 / gain) / (upper - lower)

@@ -176,11 +176,11 @@ class TorqueSpeedLimit(PartialLimit):
 
 
 def _lines(stages: Stages, numbers: ca.SX, lines: int, inner: bool) -> ca.SX:
-    """(τ + s v) / c at the stages except a first one that is a knot, or at the first one alone."""
+    """(τ + s v) / c at the stages except the first, which is the last of the interval before, or at that alone."""
     n, count = stages.effort.numel(), stages.c.size
     torque, speed = (ca.reshape(half, n, lines) for half in ca.vertsplit(numbers, n * lines))
     used = [torque * stages.tau[:, i] + speed * stages.v[:, i] for i in range(count)]
-    return ca.vec(ca.horzcat(*(used[int(stages.knots[0]) :] if inner else used[:1])))
+    return ca.vec(ca.horzcat(*(used[1:] if inner else used[:1])))
 
 
 @brief

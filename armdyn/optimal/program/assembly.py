@@ -206,17 +206,12 @@ class CondensedNlp(Program):
     middles: ca.Function
 
 
-def has_condensed(scheme: Scheme) -> bool:
-    """Whether a scheme has a condensed layout."""
-    return scheme.tableau is LOBATTO_3 and scheme.dynamics == "forward" and scheme.control != "stage"
-
-
 def build_condensed(dynamics: Dynamics, scheme: Scheme, intervals: int) -> CondensedNlp:
     """The condensed NLP of an arm; parameters and equations as in `assembly.build_nlp`, without the middles'.
 
     Args:
         dynamics: dynamics with a symbolic last body.
-        scheme: a scheme that `has_condensed`.
+        scheme: a mesh's scheme, not that of arcs.
         intervals: number of intervals N.
     """
     layout, (one, middle) = CondensedLayout(Layout(dynamics.nv, scheme)), _interval(dynamics, scheme)

@@ -1,4 +1,4 @@
-"""One interval of direct collocation for any tableau: equations, cost and derivatives."""
+"""One interval of direct collocation: equations, cost and derivatives."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -24,39 +24,29 @@ class _ScaledStages:
     torques: list[ca.SX]
     velocities: list[ca.SX]
     accelerations: list[ca.SX]
-    balances: list[ca.SX]
 
 
 def _scaled_stages(dynamics: Dynamics, scheme: Scheme) -> _ScaledStages:
-    """Scaled states and torques, velocities, accelerations [rad/s²], residuals of inverse dynamics."""
+    """Scaled states and torques, velocities, accelerations [rad/s²]."""
     n, tableau, layout = dynamics.nv, scheme.tableau, Layout(dynamics.nv, scheme)
     y, p = ca.SX.sym("y", layout.width), ca.SX.sym("p", Parameters.size(n))
     by, body = Parameters.of(p, n), present_body(dynamics, p)
     left, inner, right = layout.parts(y)
 
-    states = ca.vertsplit(inner[layout.inner.states], 2 * n) if len(tableau.inner) else []
-    if tableau.starts_at_knot:
-        states.insert(0, left[layout.knot.state])
-    if tableau.ends_at_knot:
-        states.append(right[layout.knot.state])
+    first = [left[layout.knot.state]] if tableau.starts_at_knot else []
+    states = [*first, *ca.vertsplit(inner[layout.inner.states], 2 * n), right[layout.knot.state]]
     if scheme.control == "linear":
         u = [(1 - c) * left[layout.knot.torque] + c * right[layout.knot.torque] for c in tableau.c]
     else:
         own = ca.vertsplit(inner[layout.inner.torques], n)
         u = own if scheme.control == "stage" else own * tableau.c.size
-    scaled = ca.vertsplit(inner[layout.inner.accelerations], n) if scheme.dynamics == "inverse" else []
 
-    velocities, accelerations, balances = [], [], []
-    for i, (x, torque) in enumerate(zip(states, u, strict=True)):
+    velocities, accelerations = [], []
+    for x, torque in zip(states, u, strict=True):
         q, v = by.length * x[layout.knot.q], by.speed * x[layout.knot.v]
-        if scheme.dynamics == "forward":
-            a = dynamics.aba(q, v, by.effort * torque, body)
-        else:
-            a = scaled[i] * by.speed / by.time
-            balances.append(dynamics.rnea(q, v, a, body) / by.effort - torque)
         velocities.append(v)
-        accelerations.append(a)
-    return _ScaledStages(y, p, states, u, velocities, accelerations, balances)
+        accelerations.append(dynamics.aba(q, v, by.effort * torque, body))
+    return _ScaledStages(y, p, states, u, velocities, accelerations)
 
 
 def present_body(dynamics: Dynamics, p: ca.SX) -> ca.SX:
@@ -80,17 +70,15 @@ def _equations(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.SX, ca.SX,
     """Unknowns, parameters, defects and cost of one interval, all scaled."""
     n, tableau, layout, one = dynamics.nv, scheme.tableau, Layout(dynamics.nv, scheme), _scaled_stages(dynamics, scheme)
     by, (left, _, right) = Parameters.of(one.p, n), layout.parts(one.y)
-    start, end, duration = left[layout.knot.state], right[layout.knot.state], left[layout.knot.time]
+    start, duration = left[layout.knot.state], left[layout.knot.time]
     scale = ca.vertcat(ca.repmat(by.length, n, 1), ca.repmat(by.speed, n, 1))
     h = by.fraction * by.time * duration
     rates = [ca.vertcat(v, a) / scale for v, a in zip(one.velocities, one.accelerations, strict=True)]
-    defects = list(one.balances)
+    defects = []
     for i in range(tableau.c.size):
         if np.any(tableau.A[i]):
             rise = sum(tableau.A[i, j] * rates[j] for j in range(tableau.c.size))
             defects.append(one.states[i] - start - h * rise)
-    if not tableau.ends_at_knot:
-        defects.append(end - start - h * sum(b * f for b, f in zip(tableau.b, rates, strict=True)))
     defects.append(right[layout.knot.time] - duration)
 
     square = sum(b * ca.dot(by.weights, torque**2) for b, torque in zip(tableau.b, one.torques, strict=True))
@@ -100,7 +88,7 @@ def _equations(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.SX, ca.SX,
 
 @dataclass(frozen=True, eq=False)
 class Stages:
-    """One interval in SI units, one column per stage, for path constraints.
+    """One interval in SI units, one column per stage, both knots included, for path constraints.
 
     Attributes:
         y: unknowns of the interval.
@@ -114,7 +102,6 @@ class Stages:
         acceleration: scale of accelerations [rad/s² or m/s²].
         effort: scales of torques [N m or N], shape (nv,).
         dynamics: dynamics of the robot.
-        knots: whether the first and the last stage are knots.
     """
 
     y: ca.SX
@@ -128,7 +115,6 @@ class Stages:
     acceleration: ca.SX
     effort: ca.SX
     dynamics: Dynamics
-    knots: tuple[bool, bool]
 
 
 class IntervalView(Protocol):
@@ -181,7 +167,6 @@ class CollocationInterval:
             acceleration=by.speed / by.time,
             effort=by.effort,
             dynamics=self.dynamics,
-            knots=(self.scheme.tableau.starts_at_knot, self.scheme.tableau.ends_at_knot),
         )
 
 

@@ -4,8 +4,7 @@ The unknowns are in the order of time, and the final time is copied to every kno
 
     w = [knot_0 | inner_0 | knot_1 | inner_1 | … | knot_N]
     knot_k  = q, v, T, and the torque if it is linear between knots
-    inner_k = the stages that are not knots, the torques unless they are linear, the accelerations if the
-              dynamics are inverse
+    inner_k = the stages that are not knots, and the torques unless they are linear
 
 Slices work for numpy arrays and CasADi's SX, MX and DM. All numbers are scaled.
 """
@@ -78,13 +77,11 @@ class InnerFields:
     Attributes:
         states: (q, v) of the stages that are not knots, stage by stage.
         torques: torques of the interval, or of its stages; empty if linear between knots.
-        accelerations: accelerations of all stages; empty unless the dynamics are inverse.
         size: size of the block.
     """
 
     states: slice
     torques: slice
-    accelerations: slice
     size: int
 
 
@@ -93,13 +90,11 @@ class EquationFields:
     """Slices of an interval's equations.
 
     Attributes:
-        balances: inverse dynamics at all stages; empty for forward dynamics.
-        defects: defects of (q, v) for every stage but one at the first knot, and one more if the last stage is no knot.
+        defects: defects of (q, v) for every stage but one at the first knot.
         time: equality of the final times at both knots.
         size: number of all equations.
     """
 
-    balances: slice
     defects: slice
     time: int
     size: int
@@ -130,16 +125,13 @@ class Layout:
         n, stages = self.nv, self.scheme.tableau.c.size
         states = slice(0, 2 * n * len(self.scheme.tableau.inner))
         torques = _after(states, n * {"linear": 0, "constant": 1, "stage": stages}[self.scheme.control])
-        accelerations = _after(torques, n * stages if self.scheme.dynamics == "inverse" else 0)
-        return InnerFields(states, torques, accelerations, accelerations.stop)
+        return InnerFields(states, torques, torques.stop)
 
     @cached_property
     def equations(self) -> EquationFields:
         """Slices of an interval's equations."""
-        n, tableau = self.nv, self.scheme.tableau
-        balances = slice(0, n * tableau.c.size if self.scheme.dynamics == "inverse" else 0)
-        defects = _after(balances, 2 * n * (len(tableau.inner) + 1))
-        return EquationFields(balances, defects, defects.stop, defects.stop + 1)
+        time = 2 * self.nv * (len(self.scheme.tableau.inner) + 1)
+        return EquationFields(slice(0, time), time, time + 1)
 
     @property
     def defects(self) -> Index:
@@ -194,9 +186,7 @@ class Layout:
 
     def equation(self, row: int) -> tuple[str, int]:
         """Kind and joint of an interval's equation; that of final times counts as a position's."""
-        if row < self.equations.defects.start:
-            return "equation of motion", row % self.nv
-        row = (row - self.equations.defects.start) % (2 * self.nv)
+        row = row % (2 * self.nv)
         return "position defect" if row < self.nv else "velocity defect", row % self.nv
 
 

@@ -96,12 +96,6 @@ def to_unknowns(guess: Trajectory, layout: Layout, fractions: Array, scales: Sca
         inner.append(at.tau[N + 1 : 2 * N + 1] / scales.effort)
     if scheme.control == "stage":
         inner.append((guess(stage_times).tau / scales.effort).reshape(N, -1))
-    if scheme.dynamics == "inverse":
-        step = 1e-3 * duration / N
-        before = np.maximum(stage_times - step, guess.t[0])
-        after = np.minimum(stage_times + step, guess.t[-1])
-        a = (guess(after).v - guess(before).v) / (after - before)[..., None]
-        inner.append((a * scales.time / scales.speed).reshape(N, -1))
     x = np.empty(layout.size(N))
     x[layout.knots(N)], x[layout.inners(N)] = np.concatenate(knot, axis=1), np.concatenate(inner, axis=1)
     return x

@@ -96,7 +96,7 @@ def smooth_optima(task: Task, starts: int, most: int) -> tuple[tuple[Phases, ...
 def _searched(task: Task, starts: int) -> list[Attempt]:
     """Attempts of the search on a coarse mesh."""
     numbers = task.policy.smooth
-    linear = replace(task, scheme=replace(task.scheme, method="lobatto3", control="linear"))
+    linear = replace(task, scheme=replace(task.scheme, control="linear"))
     coarse = [SolverSettings(task.policy.program.coarse_tolerance, numbers.iterations)]
     return search(linear, starts, SearchSettings([numbers.coarse], coarse))
 

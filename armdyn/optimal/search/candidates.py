@@ -14,7 +14,6 @@ from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.condensed import has_stagewise, prepare_quickly, solve_quickly
 from armdyn.optimal.solve.direct import Attempt, solve_on_mesh
 from armdyn.optimal.task.options import SolverSettings
-from armdyn.optimal.task.tableau import DynamicsForm
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -179,16 +178,13 @@ def _misses_goal(task: Task, attempt: Attempt) -> bool:
 
 
 def _without_search(task: Task, failed: list[Attempt]) -> list[Attempt]:
-    """Attempts if no guess converged: a finer mesh, the other form of the dynamics, the guesses' last iterates."""
-    other: DynamicsForm = "inverse" if task.scheme.dynamics == "forward" else "forward"
-    straight, remains = spline(task.problem, []), failed[0].trajectory
+    """Attempts if no guess converged: the finer mesh, from the straight guess and the last iterate."""
     attempts, intervals = list(failed), task.options.intervals
-    for form, guess in ((task.scheme.dynamics, straight), (other, straight), (task.scheme.dynamics, remains)):
+    for guess in (spline(task.problem, []), failed[0].trajectory):
         if task.stop:
             break
-        task.progress(f"no guess converged: trying {form} dynamics on {intervals} intervals")
-        step = replace(task, scheme=replace(task.scheme, dynamics=form))
-        attempts.append(solve_on_mesh(step, guess, intervals, task.alone()))
+        task.progress(f"no guess converged: trying {intervals} intervals")
+        attempts.append(solve_on_mesh(task, guess, intervals, task.alone()))
         if attempts[-1].usable:
             break
 

@@ -8,13 +8,13 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.program.assembly import CondensedNlp, build_condensed, has_condensed
+from armdyn.optimal.program.assembly import CondensedNlp, build_condensed
 from armdyn.optimal.program.guesses import Guesses, condensed_starts
 from armdyn.optimal.program.layout import CondensedLayout, Layout
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
 from armdyn.optimal.solve.direct import Attempt, prepare, solve_on_mesh
-from armdyn.optimal.solve.registry import in_time, solver_for
-from armdyn.optimal.solve.solver import NlpData, Solver
+from armdyn.optimal.solve.ipopt import Ipopt, ipopt_for
+from armdyn.optimal.solve.solver import NlpData
 from armdyn.optimal.solve.stagewise.solver import Stagewise
 from armdyn.optimal.task.options import SolverSettings
 from armdyn.optimal.task.tableau import Scheme
@@ -27,7 +27,7 @@ _RELAXED = 1e-8
 
 def condensable(task: Task) -> bool:
     """Whether a search may use the condensed program."""
-    return has_condensed(task.scheme) and task.policy.program.condensed
+    return task.policy.program.condensed
 
 
 def solve_quickly(
@@ -188,7 +188,7 @@ class _Program:
 
 def _solved(
     task: Task,
-    solver: Stagewise | Solver[CondensedNlp],
+    solver: Stagewise | Ipopt[CondensedNlp],
     program: _Program,
     middles: tuple[Array, Array] | None = None,
 ) -> tuple[Attempt, Array]:
@@ -218,15 +218,15 @@ def _solved(
     return Attempt(result.status, result.message, motion, intervals, result.iterations, violation), x
 
 
-def _layout(solver: Stagewise | Solver[CondensedNlp]) -> CondensedLayout:
+def _layout(solver: Stagewise | Ipopt[CondensedNlp]) -> CondensedLayout:
     return solver.layout if isinstance(solver, Stagewise) else solver.program.layout
 
 
-def _solver(task: Task, intervals: int, settings: SolverSettings) -> Stagewise | Solver[CondensedNlp]:
-    """The stagewise method if available, else the policy's solver."""
+def _solver(task: Task, intervals: int, settings: SolverSettings) -> Stagewise | Ipopt[CondensedNlp]:
+    """The stagewise method if available, else IPOPT."""
 
-    def build(scheme: Scheme) -> Stagewise | Solver[CondensedNlp]:
+    def build(scheme: Scheme) -> Stagewise | Ipopt[CondensedNlp]:
         stagewise = Stagewise.of(task.dynamics, scheme, intervals, settings)
-        return stagewise or solver_for(task, settings, build_condensed, task.dynamics, scheme, intervals)
+        return stagewise or ipopt_for(settings, build_condensed, task.dynamics, scheme, intervals)
 
-    return in_time(task, build)
+    return task.in_time(build)

@@ -15,8 +15,8 @@ from armdyn.optimal.program.assembly import Nlp
 from armdyn.optimal.program.interval import CollocationInterval
 from armdyn.optimal.program.layout import Layout
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
-from armdyn.optimal.solve.registry import in_time, solver_for
-from armdyn.optimal.solve.solver import NlpData, Solver
+from armdyn.optimal.solve.ipopt import Ipopt, ipopt_for
+from armdyn.optimal.solve.solver import NlpData
 from armdyn.optimal.task.options import Acceptable, SolverSettings
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -207,7 +207,7 @@ def prepare(task: Task, intervals: int, settings: SolverSettings) -> None:
         _solver(task, intervals, settings, TightenedConstraints.of(task).rows(task.problem))
 
 
-def _solver(task: Task, intervals: int, settings: SolverSettings, rows: tuple[StageRows, ...]) -> Solver[Nlp]:
+def _solver(task: Task, intervals: int, settings: SolverSettings, rows: tuple[StageRows, ...]) -> Ipopt[Nlp]:
     if (flat := task.policy.program.flat) is not None:
         settings = replace(settings, acceptable=Acceptable(flat, settings.tolerance))
-    return in_time(task, lambda scheme: solver_for(task, settings, with_rows, task.dynamics, scheme, intervals, rows))
+    return task.in_time(lambda scheme: ipopt_for(settings, with_rows, task.dynamics, scheme, intervals, rows))

@@ -1,6 +1,6 @@
-"""IPOPT as a `Solver`: polls a stopping condition, prints nothing."""
+"""IPOPT for a program: polls a stopping condition, prints nothing."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from typing import Any, Generic, TypeVar
 
@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.locks import one_at_a_time
+from armdyn.locks import built_once, one_at_a_time
 from armdyn.optimal.problem.status import Status, Stop
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.solve.solver import NlpData, NlpResult
@@ -78,6 +78,8 @@ STATUS = {
     "User_Requested_Stop": Status.INTERRUPTED,
 }
 """IPOPT's return statuses."""
+_KEPT = 64
+"""Number of programs whose IPOPT stays in the cache."""
 
 
 class Ipopt(Generic[P]):
@@ -111,7 +113,13 @@ class Ipopt(Generic[P]):
         )
 
     def solve(self, data: NlpData, stop: Stop, warm_start: NlpResult | None = None) -> NlpResult:
-        """Solve the program, see `Solver.solve`; the only place that calls IPOPT."""
+        """Solve the program; the only place that calls IPOPT.
+
+        Args:
+            data: the program's numbers.
+            stop: stopping condition, polled every few iterations.
+            warm_start: result of a similar program, for a warm start if the settings request it.
+        """
         (lbx, ubx), (lbg, ubg) = data.x_bounds, data.g_bounds
         more = {} if warm_start is None else {"lam_x0": warm_start.lam_x, "lam_g0": warm_start.lam_g}
         with one_at_a_time, self._monitor.watching(stop):
@@ -125,6 +133,12 @@ class Ipopt(Generic[P]):
     def equations(self, x: Array, p: Array) -> Array:
         """Values of the program's equations at unknowns and parameters."""
         return np.array(self._solver.get_function("nlp_g")(x, p)).ravel()
+
+
+@built_once(maxsize=_KEPT)
+def ipopt_for(settings: SolverSettings, build: Callable[..., P], *arguments: Hashable) -> Ipopt[P]:
+    """IPOPT for the program that a function builds from arguments; cached by these."""
+    return Ipopt(build(*arguments), settings)
 
 
 def _options(settings: SolverSettings) -> dict[str, float | str]:

@@ -1,18 +1,15 @@
-"""Solvers of nonlinear programs: their inputs and results.
+"""Inputs and results of the solvers of nonlinear programs, IPOPT and the stagewise method.
 
 minimise f(x, p) subject to lower ≤ x ≤ upper and lower ≤ g(x, p) ≤ upper.
 """
 
 from dataclasses import dataclass
-from typing import Protocol, Self, TypeVar
+from typing import Self
 
 import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.optimal.problem.status import Status, Stop
-from armdyn.optimal.program.assembly import Program
-
-P_co = TypeVar("P_co", bound=Program, covariant=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,28 +69,3 @@ class NlpResult:
         if not np.all(np.isfinite(x)):
             status, x = Status.FAILED if status is Status.SOLVED else status, data.x
         return cls(status, message, iterations, x, lam_x, lam_g)
-
-
-class Solver(Protocol[P_co]):
-    """Solver that is set up for one program.
-
-    Attributes:
-        program: the program.
-    """
-
-    @property
-    def program(self) -> P_co: ...
-
-    def solve(self, data: NlpData, stop: Stop, warm_start: NlpResult | None = None) -> NlpResult:
-        """Solve the program.
-
-        Args:
-            data: the program's numbers.
-            stop: stopping condition, polled every few iterations.
-            warm_start: result of a similar program, for a warm start if the settings request it.
-        """
-        ...
-
-    def equations(self, x: Array, p: Array) -> Array:
-        """Values of the equations at unknowns and parameters."""
-        ...

@@ -6,7 +6,6 @@ from typing import Self
 import numpy as np
 
 from armdyn.optimal.problem.status import Budget
-from armdyn.optimal.solve.registry import in_time
 from armdyn.optimal.switching.contacts import with_contacts
 from armdyn.optimal.switching.extremal.descent import fastest
 from armdyn.optimal.switching.extremal.flow import Flow, flow_of
@@ -70,7 +69,7 @@ def prepare_switching(task: Task) -> None:
 
 
 def _flow(task: Task) -> Flow:
-    return in_time(task, lambda scheme: flow_of(task.dynamics, scheme.compile))
+    return task.in_time(lambda scheme: flow_of(task.dynamics, scheme.compile))
 
 
 def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure) -> RefinedExtremal:

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 from armdyn.arguments import Checked, checked, each, expect, flag, number, one_of, whole
 from armdyn.optimal.task.search_level import SEARCH_LEVELS, SearchLevel
-from armdyn.optimal.task.tableau import TABLEAUS, Control, DynamicsForm
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 
@@ -76,7 +75,7 @@ class MinimumTimeOptions(Checked):
 
     An attribute that is None is decided by the problem's policy; `armdyn doctor ROBOT --policy` shows it with reasons.
     Arms of more than three joints move along curves, for which refinements, intervals, max_intervals,
-    arcs, method, control, dynamics and tolerance have no effect.
+    arcs and tolerance have no effect.
 
     Attributes:
         guesses: motions of the same joints as additional initial guesses, such as optima of similar problems.
@@ -93,10 +92,6 @@ class MinimumTimeOptions(Checked):
         arcs: resolve the arcs to exact switching times; False: the answer is the mesh's.
         replay_tolerance: largest goal error of the replay [rad or m] that counts as landed; from rest to rest at most
             a hundredth of the way.
-        method: collocation tableau; "lobatto3" is Hermite-Simpson.
-        control: torque "linear" or "constant" between knots; arcs are detected from constant torques.
-        dynamics: "forward", accelerations by the articulated-body algorithm; "inverse", torques by recursive
-            Newton-Euler with the accelerations as further unknowns.
         compile: the program's derivatives as machine code, ten times as fast, built once by the C compiler and cached
             for the user: always, never, or (None) if the build takes only seconds or is cached already.
         max_iterations: of IPOPT, for one guess on one mesh, or one curve; also steps of a curve's convexification. A
@@ -128,9 +123,6 @@ class MinimumTimeOptions(Checked):
     max_intervals: int = checked(whole, 160, least=1)
     arcs: bool = checked(flag, True)
     replay_tolerance: float = checked(number, REPLAY_TOLERANCE, sign="positive", finite=False)
-    method: str = checked(one_of, "lobatto3", known=tuple(TABLEAUS))
-    control: Control = checked(one_of, "constant", known=("linear", "constant"))
-    dynamics: DynamicsForm = checked(one_of, "forward", known=("forward", "inverse"))
     compile: bool | None = checked(flag, None)
     max_iterations: int = checked(whole, 500, least=1)
     tolerance: float = checked(number, 1e-8, sign="positive", finite=False)

@@ -7,6 +7,7 @@ from typing import Any, Self, TypeVar
 
 import numpy as np
 
+from armdyn.codegen.deadline import NoTimeError, until
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ProblemError
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -136,6 +137,21 @@ class Task:
             return
         with self.pooled() as task:
             yield from task.results(jobs)
+
+    def in_time(self, build: Callable[[Scheme], Result]) -> Result:
+        """Build with the scheme before the deadline; without compilation if the time is too short.
+
+        Args:
+            build: function of a scheme, such as a call of `ipopt_for`.
+        """
+        stop = self.stop
+        with until(stop.deadline, lambda: stop.interrupted):
+            if not stop.out_of_time:
+                try:
+                    return build(self.scheme)
+                except NoTimeError:
+                    stop.out_of_time = True
+            return build(replace(self.scheme, compile=False))
 
     def coarse(self) -> list[SolverSettings]:
         """Settings of IPOPT for the search, used by the guesses in turn."""

@@ -7,7 +7,6 @@ import pytest
 
 from armdyn.optimal.arcs.arc import Mode
 from armdyn.optimal.arcs.nlp_data import assemble_arcs
-from armdyn.optimal.arcs.phases import TABLEAU
 from armdyn.optimal.program.layout import Layout
 from armdyn.optimal.task.task import Task
 from problems import solved
@@ -18,7 +17,7 @@ def test_near_a_solution_a_touched_limit_holds_only_where_it_is_touched(near):
     solution = solved("rr")
     task, phases = Task.of(solution.problem), solution.phases
     touching = replace(phases.arcs[0], touches=((0, Mode.POSITION_UPPER),))
-    layout = Layout(2, replace(task.scheme, method=TABLEAU.name, control="stage"))
+    layout = Layout(2, replace(task.scheme, control="stage"))
     nlp_data = assemble_arcs(task, (touching, *phases.arcs[1:]), phases.torques, layout, 24, near)
     knots, inner = layout.states(24), layout.inner_states(24)
     upper, lower = nlp_data.x_bounds[1], nlp_data.x_bounds[0]

@@ -1,5 +1,7 @@
 """The limit of how fast torques change: against closed forms, and by differences of torques."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -54,7 +56,7 @@ def test_none_at_all_changes_nothing_but_the_control():
     problem, plain = rr(ad.TorqueRateLimit(np.inf)), rr()
     task, guess = Task.of(problem), spline(plain, [])
     assert task.scheme.control == "linear" and Task.of(plain).scheme.control == "constant"
-    linear = Task.of(plain, ad.MinimumTimeOptions(control="linear"))
+    linear = replace(Task.of(plain), scheme=task.scheme)
     durations = [solve_on_mesh(each, guess, 40, each.alone()).trajectory.duration for each in (task, linear)]
     assert durations[0] == pytest.approx(durations[1], rel=1e-6)  # IPOPT's 1e-8, scaled
 

@@ -30,7 +30,7 @@ def test_values_and_derivatives_of_an_interval(arm):
     found = one.assemble(y, lam, nu, *ends[0], *at_middle, *ends[1], p)
 
     # The program of one interval: its unknowns are y, its parameters p.
-    program = build_condensed(dynamics, Scheme("lobatto3", "constant", "forward", compile=False), 1)
+    program = build_condensed(dynamics, Scheme("constant", compile=False), 1)
     defects, jacobian = program.jacobian(y, p)
     x, q, cost = (program.functions[name] for name in "xpf")
     f = ca.Function("f", [x, q], [cost])

@@ -150,7 +150,7 @@ def test_a_mesh_optimum_is_refused_where_a_change_saves_much():
 def with_effort(problem, near, intervals):
     """A mesh's motion of least time and energy, with torques linear in its intervals; its replay and costates."""
     task = Task.of(problem, ad.MinimumTimeOptions(workers=1))
-    linear = replace(task, scheme=replace(task.scheme, method="lobatto3", control="linear"))
+    linear = replace(task, scheme=replace(task.scheme, control="linear"))
     motion = landed(task, solve_on_mesh(linear, near, intervals, task.sharp()))
     replay = replay_of(task, motion.trajectory(problem.robot.joint_names))
     assert miss(problem, replay) < 1e-8  # two integrators; rad and rad/s

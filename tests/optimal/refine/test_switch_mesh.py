@@ -44,7 +44,7 @@ def test_duration_is_nearer_to_that_of_exact_switching_times(located):
 
 
 def test_without_the_stagewise_method_a_mesh_stays_as_it_is():
-    task, attempt = on_equal_intervals(paper_problem("rr"), Scheme("lobatto3", "constant", "forward", compile=False))
+    task, attempt = on_equal_intervals(paper_problem("rr"), Scheme("constant", compile=False))
     assert at_switches(task, attempt) is attempt
 
 

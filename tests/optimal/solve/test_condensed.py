@@ -15,7 +15,7 @@ from armdyn.optimal.task.task import Task
 from problems import luus_problem, paper_problem
 
 TIGHT = SolverSettings(1e-9, 500, barrier=1e-2)
-CONSTANT = Scheme("lobatto3", "constant", "forward")
+CONSTANT = Scheme("constant")
 
 
 solve_condensed = partial(solve_quickly, between=False)
@@ -73,8 +73,6 @@ def test_quick_solution_goes_on_from_the_condensed_one():
 def test_refused_if_it_cannot_be_condensed():
     plain = paper_problem("rr")
     assert condensable(task(plain))
-    assert not condensable(task(plain, replace(CONSTANT, dynamics="inverse")))
-    assert not condensable(task(plain, replace(CONSTANT, method="radau3")))
     assert not condensable(task(paper_problem("rr", acceleration_limit=100.0)))
     assert not condensable(task(paper_problem("rr", via=([0.0, 0.5],))))
 

@@ -9,8 +9,7 @@ import pytest
 from armdyn.codegen.deadline import NoTimeError
 from armdyn.optimal.problem.status import Status, Stop
 from armdyn.optimal.program.assembly import Program
-from armdyn.optimal.solve.ipopt import Ipopt, _options
-from armdyn.optimal.solve.registry import in_time, solver_for
+from armdyn.optimal.solve.ipopt import Ipopt, _options, ipopt_for
 from armdyn.optimal.solve.solver import NlpData
 from armdyn.optimal.task.options import Acceptable, SolverSettings
 from armdyn.optimal.task.task import Task
@@ -81,11 +80,10 @@ def test_a_stop_is_polled_in_its_own_call_only():
 
 
 def test_built_once_for_the_same_arguments_and_settings():
-    task = Task.of(paper_problem("r"))
-    first = solver_for(task, SETTINGS, valley, Shape(10.0))
-    assert solver_for(task, SolverSettings(1e-10, 100), valley, Shape(10.0)) is first
-    assert solver_for(task, SETTINGS, valley, Shape(20.0)) is not first
-    assert solver_for(task, SolverSettings(1e-9, 100), valley, Shape(10.0)) is not first
+    first = ipopt_for(SETTINGS, valley, Shape(10.0))
+    assert ipopt_for(SolverSettings(1e-10, 100), valley, Shape(10.0)) is first
+    assert ipopt_for(SETTINGS, valley, Shape(20.0)) is not first
+    assert ipopt_for(SolverSettings(1e-9, 100), valley, Shape(10.0)) is not first
 
 
 def test_settings_are_ipopts_options():
@@ -121,7 +119,7 @@ def test_without_time_to_compile_it_is_built_without():
         return scheme
 
     for _ in range(2):
-        assert in_time(task, build).compile is False
+        assert task.in_time(build).compile is False
     assert modes == [None, False, False]  # it is not tried again and again
 
 

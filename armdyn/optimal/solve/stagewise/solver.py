@@ -13,7 +13,6 @@ from armdyn.codegen.lanes import UnwrittenError, in_lanes, prelude, table
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.optimal.problem.status import Status, Stop
-from armdyn.optimal.program.assembly import has_condensed
 from armdyn.optimal.program.layout import CondensedLayout, Layout, Parameters
 from armdyn.optimal.program.stages import StageFunctions
 from armdyn.optimal.solve.ipopt import STATUS
@@ -139,7 +138,7 @@ class Stagewise:
 
     @classmethod
     def of(cls, dynamics: Dynamics, scheme: Scheme, intervals: int, settings: SolverSettings) -> Self | None:
-        """Set up the method; None if the scheme does not fit or no library is available; see `compiled_library`.
+        """Set up the method; None if torques are linear or no library is available; see `compiled_library`.
 
         Args:
             dynamics: dynamics with a symbolic last body.
@@ -147,7 +146,7 @@ class Stagewise:
             intervals: number of intervals.
             settings: tolerance, iteration limit, barrier, push, verbosity.
         """
-        if not has_condensed(scheme) or scheme.control != "constant":
+        if scheme.control != "constant":
             return None
         library = stagewise_library(dynamics, scheme.compile)
         if library is None:

@@ -185,9 +185,8 @@ class Policy:
         )
 
     def scheme(self, options: MinimumTimeOptions) -> Scheme:
-        """Transcription scheme of the options; torques that may not jump are linear."""
-        control = "linear" if self.program.linear else options.control
-        return Scheme(options.method, control, options.dynamics, options.compile)
+        """Transcription scheme; torques that may not jump are linear."""
+        return Scheme("linear" if self.program.linear else "constant", options.compile)
 
     def rows(self) -> Iterator[tuple[str, object, str, str, str]]:
         """Name, value, unit, reason and cases of every number."""

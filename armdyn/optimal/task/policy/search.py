@@ -14,13 +14,12 @@ class ProgramPolicy:
 
     cases: ClassVar = "by definition"
 
-    solver: str = tuned("ipopt", "-", "solver of nonlinear programs, by its name in `solve.registry`")
     linear: bool = by_kind(
         "-", "torque linear between knots: a path constraint forbids jumps, or the limits fall with speed"
     )
     condensed: bool = by_kind(
         "-",
-        "the interval's middle is eliminated: half the unknowns; it needs forward dynamics and no path constraints",
+        "the interval's middle is eliminated: half the unknowns; it needs no path constraints",
         "RR, RRR with 100.6 g: 48 guesses each",
     )
     flat: float | None = by_kind(

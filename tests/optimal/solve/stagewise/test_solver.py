@@ -22,7 +22,7 @@ from problems import paper_problem
 pytestmark = pytest.mark.skipif(not shutil.which("cc"), reason="there is no C compiler")
 
 N = 20
-CONSTANT = Scheme("lobatto3", "constant", "forward", compile=True)
+CONSTANT = Scheme("constant", compile=True)
 TIGHT = SolverSettings(1e-9, 500, barrier=1e-2)
 
 
@@ -165,7 +165,7 @@ def test_iteration_limit_and_output(capsys):
 
 def test_problems_that_it_is_not_for():
     dynamics = Task.of(paper_problem("rr")).dynamics
-    for other in ({"control": "linear"}, {"compile": False}, {"dynamics": "inverse"}):
+    for other in ({"control": "linear"}, {"compile": False}):
         assert Stagewise.of(dynamics, replace(CONSTANT, **other), N, TIGHT) is None
 
 
