@@ -212,29 +212,31 @@ class Cycle:
                     arms.append(self.robot.with_payload(self._held(k, step.part)))
             elif isinstance(step, Release):
                 bare = bare or (self.robot.with_payload(None) if self.robot.payload else self.robot)
+                if (held := arms[-1].payload) is not None:
+                    with naming_step(k, self.name_of(k)):
+                        self._held(k, held, "released")
                 arms.append(bare)
             else:
                 arms.append(arms[-1])
         return tuple(arms)
 
-    def _held(self, step: int, part: Payload) -> Payload:
-        """The part of a grasp, by default in the frame of the goal pose at which it is grasped.
+    def _held(self, step: int, part: Payload, how: str = "grasped") -> Payload:
+        """The part of a grasp or a release, by default in the frame of the goal pose at which it is grasped.
 
         Raises:
-            ProblemError: it names a frame that is placed otherwise.
+            ProblemError: it is in a frame that is placed otherwise.
         """
         at = next((one.to for one in self.steps[step - 2 :: -1] if step > 1 and isinstance(one, Move)), self.start)
-        if not isinstance(at, GoalPose) or at.frame == part.frame:
+        if not isinstance(at, GoalPose):
             return part
-        if part.frame is None:
-            return part if at.frame == self.robot.tip else replace(part, frame=at.frame)
-        own, goal = self.robot.frame(part.frame), self.robot.frame(at.frame)
-        if own.parentJoint != goal.parentJoint or not own.placement.isApprox(goal.placement):
+        own = part.frame or (at.frame if how == "grasped" else self.robot.tip)
+        if not self.robot.same_place(own, at.frame):
             raise ProblemError(
-                f"part {part.name!r} is placed in frame {part.frame!r}, but is grasped where {at.frame!r} is at its "
-                f"goal pose: place it in {at.frame!r}, which is the default, or give the goal as one of {part.frame!r}"
+                f"part {part.name!r} is placed in frame {own!r}, but is {how} where {at.frame!r} is at its goal pose: "
+                f"give the goal as one of {own!r}, or place the part in {at.frame!r}, by default the frame of the goal "
+                "where it is grasped"
             )
-        return part
+        return part if part.frame or own == self.robot.tip else replace(part, frame=own)
 
     @property
     def jobs(self) -> tuple[tuple[int, ...], ...]:

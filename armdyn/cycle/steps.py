@@ -106,7 +106,7 @@ class Grasp(_Rest):
 @brief
 @dataclass(frozen=True)
 class Release(_Rest):
-    """The arm, at rest, lets go of the part that it carries.
+    """The arm, at rest, lets go of the part that it carries; a goal pose there is one of the part's frame, see `Grasp`.
 
     Attributes:
         part: the released part; None: the part that the arm carries.

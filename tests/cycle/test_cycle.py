@@ -149,6 +149,24 @@ def test_a_part_is_in_the_frame_of_the_goal_pose_where_it_is_grasped(frame):
     np.testing.assert_allclose(com, tool.placement.act(np.array([0.0, 0.0, 0.05])), atol=1e-12)  # rounding
 
 
+@pytest.mark.parametrize(("frame", "goal"), [(None, "tool0"), ("tool0", "ee_link"), ("ee_link", "tool0")])
+def test_a_part_in_another_frame_than_the_goal_pose_of_its_release_is_refused(frame, goal):
+    """The part would stand there turned, since the tip ee_link is turned against tool0."""
+    part, there = ad.Payload(mass=1.0, frame=frame, name="bar"), ad.Move(ad.GoalPose(goal, (0.4, 0.2, 0.4)))
+    here = [0, -1, 1, 0, 0, 0]
+
+    def cycle(*last):
+        steps = [ad.Grasp(part), there, *last]
+        return ad.Cycle(ad.Robot.from_library("ur5"), start=here, steps=steps, closed=False)
+
+    own = frame or "ee_link"
+    with pytest.raises(
+        CycleError, match=rf"step 3 \(release bar\): .* in frame '{own}', but is released where '{goal}'"
+    ):
+        cycle(ad.Release(part))
+    assert len(cycle(ad.Move(ad.GoalPose(own, (0.4, 0.2, 0.5))), ad.Release(part)).moves) == 2
+
+
 @pytest.mark.parametrize("frame", ["ee_link", "wrist_3_link"])
 def test_a_part_in_another_frame_than_the_goal_poses_is_refused(frame):
     with pytest.raises(CycleError, match=rf"step 3 \(grasp bar\): part 'bar' is placed in frame '{frame}', .* 'tool0'"):

@@ -191,7 +191,7 @@ def mintime(
         written = written.with_files([] if results.no_figure else _write_reserves(curve, folder, arm.name))
     missing = missing_of(required, solution.usable, standing(solution))
     facts = {"robot": arm.name, **carried_facts(arm), **friction_facts(arm), **summary, "missing": missing}
-    words = carried_words(arm) | friction_words(arm) | reserve_words(solution.problem)
+    words = carried_words(arm, solution.problem.goal_pose) | friction_words(arm) | reserve_words(solution.problem)
     words |= {name: in_options(said) for name, said in solution_words(solution).items()}
     words |= controller_words | reserve_choice | missing_words(missing) | written.words
     shown, usable = facts_table(f"{arm.name}: minimum time", words), solution.usable and accepted

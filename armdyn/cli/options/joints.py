@@ -159,13 +159,22 @@ def carried_facts(robot: ad.Robot) -> dict[str, object]:
     return {"tip": robot.tip, "carried": bodies}
 
 
-def carried_words(robot: ad.Robot) -> dict[str, str]:
-    """The tip, and the payload with its place, in words."""
+def carried_words(robot: ad.Robot, goal: ad.GoalPose | None = None) -> dict[str, str]:
+    """The tip, and the payload with its place, in words.
+
+    Args:
+        robot: the arm.
+        goal: of its motion; a payload by default in another frame is said to be so.
+    """
     lines = []
     for body in robot.attached:
         size = f", {len(body.shapes)} shape{'s' if len(body.shapes) > 1 else ''}" if body.shapes else ""
         at = f" at ({', '.join(f'{x:g}' for x in body.com)}) m" if any(body.com) else ""
         lines.append(f"{body.name} of {body.mass:g} kg{at} in the frame {robot.frame_of(body).name!r}{size}")
+    if goal and robot.payload and not robot.payload.frame and not robot.same_place(robot.tip, goal.frame):
+        lines[-1] += (
+            f"; the goal is one of {goal.frame!r}, placed otherwise: --payload-frame {goal.frame} puts it there"
+        )
     words = {"tip": repr(robot.tip)} | ({"carries": "\n".join(lines)} if lines else {})
     if robot.has_dynamics and not robot.model.inertias[robot.nv].mass:
         words["no mass"] = f"{robot.joint_names[-1]} turns a rotor alone: torques leave its links out"

@@ -383,6 +383,15 @@ class Arm(Checked):
         """
         return self.frame(expect(payload, Payload, "payload", "Payload(mass=…)", error=SpecError).frame or self.tip)
 
+    def same_place(self, one: str, other: str) -> bool:
+        """Whether two frames, by name, are fixed to each other without an offset.
+
+        Raises:
+            SpecError: there is no such frame.
+        """
+        a, b = self.frame(one), self.frame(other)
+        return bool(a.parentJoint == b.parentJoint and a.placement.isApprox(b.placement))
+
     @cached_property
     def has_dynamics(self) -> bool:
         """Whether torques are known: every joint moves an inertia of its own. See `expect_dynamics`."""
