@@ -80,6 +80,7 @@ from armdyn.optimal import FrameSpeedLimit as FrameSpeedLimit
 from armdyn.optimal import LowerBound as LowerBound
 from armdyn.optimal import MinimumTimeOptions as MinimumTimeOptions
 from armdyn.optimal import MinimumTimeProblem as MinimumTimeProblem
+from armdyn.optimal import MotionProgram as MotionProgram
 from armdyn.optimal import Resolver as Resolver
 from armdyn.optimal import RmsTorque as RmsTorque
 from armdyn.optimal import Sensitivities as Sensitivities
@@ -87,6 +88,8 @@ from armdyn.optimal import Solution as Solution
 from armdyn.optimal import Status as Status
 from armdyn.optimal import TimeOptimality as TimeOptimality
 from armdyn.optimal import TorqueRateLimit as TorqueRateLimit
+from armdyn.optimal import build_curve as build_curve
+from armdyn.optimal import build_mesh as build_mesh
 from armdyn.optimal import lower_bound as lower_bound
 from armdyn.optimal import plan_path as plan_path
 from armdyn.optimal import read_problem as read_problem

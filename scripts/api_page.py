@@ -16,7 +16,7 @@ SUBJECTS = {
     "Dynamics": "Dynamics replay_torques",
     "Minimum time": "MinimumTimeProblem read_problem RmsTorque FrameSpeedLimit TorqueRateLimit FrameRegion GoalPose "
     "MinimumTimeOptions solve_minimum_time solve_many Resolver Solution Status Arc Certificate Sensitivities "
-    "lower_bound LowerBound time_optimality TimeOptimality trajectory_from_path",
+    "lower_bound LowerBound time_optimality TimeOptimality trajectory_from_path build_mesh build_curve MotionProgram",
     "Cycles": "Cycle Move Straight Grasp Release Wait solve_cycle CycleSolution cycle_costs CycleCost read_cycle",
     "Identification": "identify IdentifyOptions Estimate Log exciting_motion ExcitingOptions",
     "Motions": "Trajectory Piece Load load_of reversed_motion Samples",

@@ -18,6 +18,9 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem as MinimumTimeProb
 from armdyn.optimal.problem.status import Status as Status
 from armdyn.optimal.problem.status import Violation as Violation
 from armdyn.optimal.problem_files import read_problem as read_problem
+from armdyn.optimal.programs import MotionProgram as MotionProgram
+from armdyn.optimal.programs import build_curve as build_curve
+from armdyn.optimal.programs import build_mesh as build_mesh
 from armdyn.optimal.proof.certificate import Certificate as Certificate
 from armdyn.optimal.proof.sensitivity import Sensitivities as Sensitivities
 from armdyn.optimal.refine.planned_paths import plan_path as plan_path

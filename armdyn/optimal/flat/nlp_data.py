@@ -158,10 +158,8 @@ def assemble_curve(
         x[points], x[shape.duration(k)] = leg.points, leg.duration
         x[torques] = np.clip(leg.torques(problem.robot, s.ravel()) / half, _CAUTIOUS * least, _CAUTIOUS * most)
         _fix_ends(problem, k, points, (lower, upper), free=_ends_free(spec.constraints))
-    durations = [shape.duration(k) for k in shape.legs]
     for values in (x, lower, upper):
-        values[shape.all_points] /= way
-        values[durations] /= time
+        values /= shape.units(way, time)
     for k in shape.legs[1:]:
         for order in range(1, shape.smooth + 1):
             sides = guess.legs[k - 1].basis.differences(order)[-1], guess.legs[k].basis.differences(order)[0]

@@ -87,6 +87,12 @@ class CurveLayout:
         size = self.intervals[leg] * POINTS * self.joints
         return self.duration(leg) + 1 + np.arange(size).reshape(-1, self.joints)
 
+    def units(self, way: float, time: float) -> Array:
+        """Units of the unknowns, of control points [rad or m] and durations [s], shape (size,); 1 for torques."""
+        units = np.ones(self.size)
+        units[self.all_points], units[[self.duration(k) for k in self.legs]] = way, time
+        return units
+
     def curve(self, guess: Curve, x: Array) -> Curve:
         """The curve of unknowns x, shape (size,), with the bases of a guess."""
         bases = (leg.basis for leg in guess.legs)

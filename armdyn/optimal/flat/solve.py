@@ -109,19 +109,22 @@ def solve_curve(
     same = warm_start is not None and not warm_start.in_steps and (warm_start.shape, warm_start.rows) == (shape, rows)
     warm_start = warm_start if same else None
     solver = _solver(task, shape, rows, warm=warm_start is not None)
-    way, time = units = (1.0, 1.0) if rows or shape.rated else _units(task.problem, guess)
+    units = units_of(task.problem, guess, shape, rows)
     nlp_data = assemble_curve(task, guess, spec, shape, units)
     result = solver.solve(nlp_data, task.stop, None if warm_start is None else warm_start.result)
-    result.x[shape.all_points] *= way
-    result.x[[shape.duration(k) for k in shape.legs]] *= time
+    result = replace(result, x=result.x * shape.units(*units))
     return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration, np.less(*nlp_data.g_bounds))
 
 
-def _units(problem: MinimumTimeProblem, guess: Curve) -> tuple[float, float]:
-    """Units of control points [rad or m] and durations [s]: powers of two, so that no digit is lost.
+def units_of(
+    problem: MinimumTimeProblem, guess: Curve, shape: CurveLayout, rows: tuple[StageRows, ...]
+) -> tuple[float, float]:
+    """Units of control points [rad or m] and durations [s]: powers of two, so that no digit is lost; 1 with rows.
 
     IPOPT does not converge where its unknowns are far below one.
     """
+    if rows or shape.rated:
+        return 1.0, 1.0
     way = float(np.max(np.abs(np.diff(problem.poses, axis=0))))
     units = np.exp2(np.floor(np.log2([way, guess.duration]))) if 0 < way < _SHORT else np.ones(2)
     return float(units[0]), float(units[1])

@@ -55,6 +55,11 @@ class Block:
         return int(self.one.defects.numel_out(0))
 
     @property
+    def name(self) -> str:
+        """Name of its equations."""
+        return str(self.one.defects.name()).removesuffix("_defects")
+
+    @property
     def equations(self) -> int:
         """Number of the block's equations in the program."""
         return self.rows * (1 if self.summed else self.places)
@@ -76,11 +81,13 @@ class Program:
         functions: x, p, f, g for nlpsol.
         jacobian: (x, p) -> (g, ∂g/∂x).
         hessian: (x, p, σ, λ) -> upper triangle of ∂²(σ f + λᵀg)/∂x².
+        blocks: blocks of the equations, in their order.
     """
 
     functions: dict[str, ca.MX]
     jacobian: ca.Function
     hessian: ca.Function
+    blocks: tuple[Block, ...] = ()
 
     @cached_property
     def gradient(self) -> ca.Function:
@@ -158,6 +165,7 @@ def program_of(blocks: Sequence[Block], size: int, paid: Sequence[int] = (), pri
         functions={"x": x, "p": p, "f": sum(costs[1:], costs[0]), "g": values},
         jacobian=ca.Function("nlp_jac_g", [x, p], [values, jacobian_matrix], ["x", "p"], ["g", "jac_g_x"]),
         hessian=ca.Function("nlp_hess_l", [x, p, sigma, lam], [hessian_matrix], *names),
+        blocks=tuple(blocks),
     )
 
 

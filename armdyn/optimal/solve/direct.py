@@ -113,6 +113,64 @@ def legs_of(problem: MinimumTimeProblem, guess: Trajectory, intervals: int) -> L
     return Legs(tuple((np.diff(edges) + least).tolist()), durations)
 
 
+@dataclass(frozen=True, eq=False)
+class MeshNlpData(NlpData):
+    """Initial guess, bounds and parameters of the program of a mesh.
+
+    Attributes:
+        layout: layout of the unknowns.
+        legs: distribution of the intervals over the legs.
+        fractions: interval lengths over the leg's duration, shape (N,).
+        scales: scales of the unknowns.
+    """
+
+    layout: Layout
+    legs: Legs
+    fractions: Array
+    scales: Scales
+
+    def motion(self, x: Array, joint_names: tuple[str, ...]) -> Trajectory:
+        """The motion of unknowns."""
+        return to_trajectory(x, self.layout, self.fractions, self.scales, joint_names, self.legs.intervals)
+
+
+def assemble_mesh(
+    task: Task, guess: Trajectory, intervals: int, constraints: TightenedConstraints | None = None
+) -> MeshNlpData:
+    """Data of the nonlinear program of a mesh, whose equations are those of `with_rows`.
+
+    Args:
+        task: the problem and its settings.
+        guess: initial guess.
+        intervals: number of intervals, distributed over the legs between via points.
+        constraints: tightened path constraints; None: not tightened.
+    """
+    problem, scales, layout = task.problem, Scales.of(task.problem, guess), Layout(task.dynamics.nv, task.scheme)
+    constraints = TightenedConstraints.of(task) if constraints is None else constraints
+    legs, rows, values = legs_of(problem, guess, intervals), constraints.rows(problem), constraints.values(problem)
+    fractions = np.concatenate([np.diff(mesh(size)) for size in legs.intervals])
+    weights = scales.weights(problem.effort_weight)
+    lower, upper = bounds(problem, layout, intervals, scales)
+    shares = fractions
+    if len(legs.intervals) > 1:
+        shares = fractions * legs.durations[legs.of_interval] / legs.durations.sum()
+    parameters = scales.parameters(fractions, weights, task.dynamics.last_body)
+    x = to_unknowns(guess, layout, shares, scales)
+    _fix_legs(problem, layout, legs, constraints.aim, scales, x, (lower, upper))
+    sides = row_bounds(rows, values, CollocationInterval(task.dynamics, task.scheme), intervals)
+    lbg, ubg = (np.concatenate(both) for both in zip(_equations(layout, legs), sides, strict=True))
+    return MeshNlpData(
+        x=np.clip(x, lower, upper),
+        p=np.concatenate([parameters, numbers_of(values)]),
+        x_bounds=(lower, upper),
+        g_bounds=(lbg, ubg),
+        layout=layout,
+        legs=legs,
+        fractions=fractions,
+        scales=scales,
+    )
+
+
 def solve_on_mesh(
     task: Task,
     guess: Trajectory,
@@ -133,45 +191,30 @@ def solve_on_mesh(
         return Attempt.unbegun(task.stop, guess, intervals)
     problem = task.problem
     constraints = TightenedConstraints.of(task) if constraints is None else constraints
-    rows = constraints.rows(problem)
-    solver = _solver(task, intervals, settings, rows)
-    nlp, scales = solver.program, Scales.of(problem, guess)
-    layout, legs = nlp.layout, legs_of(problem, guess, intervals)
-    fractions = np.concatenate([np.diff(mesh(size)) for size in legs.intervals])
-    weights = scales.weights(problem.effort_weight)
-    lower, upper = bounds(problem, layout, intervals, scales)
-    shares = fractions
-    if len(legs.intervals) > 1:
-        shares = fractions * legs.durations[legs.of_interval] / legs.durations.sum()
-    values = constraints.values(problem)
-    parameters = scales.parameters(fractions, weights, task.dynamics.last_body)
-    parameters = np.concatenate([parameters, numbers_of(values)])
-    x = to_unknowns(guess, layout, shares, scales)
-    _fix_legs(problem, layout, legs, constraints.aim, scales, x, (lower, upper))
-    x = np.clip(x, lower, upper)
-    sides = row_bounds(rows, values, CollocationInterval(task.dynamics, task.scheme), intervals)
-    lbg, ubg = (np.concatenate(both) for both in zip(_equations(nlp, legs), sides, strict=True))
-    result = solver.solve(NlpData(x, parameters, (lower, upper), (lbg, ubg)), task.stop)
-    x, g = result.x, solver.equations(result.x, parameters)
+    solver = _solver(task, intervals, settings, constraints.rows(problem))
+    data = assemble_mesh(task, guess, intervals, constraints)
+    result = solver.solve(data, task.stop)
+    x, (lbg, ubg), layout, scales = result.x, data.g_bounds, data.layout, data.scales
+    g = solver.equations(x, data.p)
     landed = result.status is Status.SOLVED
     # Rows after the equations of motion are not checked.
-    beyond = np.maximum(g - ubg, lbg - g)[: intervals * nlp.defects].reshape(intervals, -1)
-    own = np.maximum(x[layout.times(intervals)[np.append(0, legs.knots[:-1])]] * scales.time, 0)
+    beyond = np.maximum(g - ubg, lbg - g)[: intervals * layout.equations.size].reshape(intervals, -1)
+    own = np.maximum(x[layout.times(intervals)[np.append(0, data.legs.knots[:-1])]] * scales.time, 0)
     return Attempt(
         status=result.status,
         message=result.message,
-        trajectory=to_trajectory(x, layout, fractions, scales, problem.robot.joint_names, legs.intervals),
+        trajectory=data.motion(x, problem.robot.joint_names),
         intervals=intervals,
         iterations=result.iterations,
-        worst_violation=None if landed else worst_defect(problem, layout, x, beyond, fractions, scales),
+        worst_violation=None if landed else worst_defect(problem, layout, x, beyond, data.fractions, scales),
         passing=np.cumsum(own)[:-1],
     )
 
 
-def _equations(nlp: Nlp, legs: Legs) -> tuple[Array, Array]:
+def _equations(layout: Layout, legs: Legs) -> tuple[Array, Array]:
     """Lower and upper bounds of the equations of motion."""
-    lower = np.zeros((nlp.intervals, nlp.defects))
-    lower[legs.knots[:-1] - 1, nlp.layout.equations.time] = -np.inf  # every leg has a duration of its own
+    lower = np.zeros((legs.knots[-1], layout.equations.size))
+    lower[legs.knots[:-1] - 1, layout.equations.time] = -np.inf  # every leg has a duration of its own
     return lower.ravel(), -lower.ravel()
 
 

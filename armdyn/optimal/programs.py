@@ -1,0 +1,222 @@
+"""Nonlinear programs of meshes and curves as values for other solvers, built as `solve_minimum_time` builds them."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Self
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armdyn.arguments import expect, whole
+from armdyn.arrays import Array, Index
+from armdyn.errors import ProblemError
+from armdyn.optimal.flat.basis import Basis
+from armdyn.optimal.flat.curve import Curve, CurveLeg
+from armdyn.optimal.flat.nlp_data import CurveSpec, assemble_curve, curve_layout, rows_of
+from armdyn.optimal.flat.program import build
+from armdyn.optimal.flat.refinement import sampled
+from armdyn.optimal.flat.solve import units_of
+from armdyn.optimal.path_constraints.rows import with_rows
+from armdyn.optimal.path_constraints.tightened import TightenedConstraints
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.program.assembly import Block, Program
+from armdyn.optimal.search.starts import spline, straight_curve
+from armdyn.optimal.solve.direct import assemble_mesh, legs_of
+from armdyn.optimal.solve.solver import NlpData
+from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.optimal.task.task import Task
+from armdyn.trajectory import Trajectory
+
+MOST_INTERVALS = 10_000
+"""Largest number of intervals of a program: beyond, its expressions take gigabytes."""
+
+
+@dataclass(frozen=True, eq=False)
+class MotionProgram:
+    """Nonlinear program of a motion: minimise f(x) with lower ≤ x ≤ upper and row_lower ≤ g(x) ≤ row_upper.
+
+    Attributes:
+        x: unknowns, scaled, a symbol of shape (n,).
+        f: cost, an expression in x: the duration over the guess's, and weighted squares of the torques.
+        g: equations and path constraints, an expression of shape (m,).
+        names: name of each unknown, such as "q[3].joint1" of knot 3.
+        lower: lower bounds of the unknowns, shape (n,).
+        upper: upper bounds of the unknowns, shape (n,).
+        units: SI value of each unknown where it is one, shape (n,).
+        row_names: name of each row, such as "interval[3] end v.joint1", a defect.
+        row_lower: lower bounds of the rows, shape (m,).
+        row_upper: upper bounds of the rows, shape (m,).
+        guess: initial unknowns, shape (n,).
+        motion_of: function from unknowns, shape (n,), to their motion, which `trajectory` calls.
+    """
+
+    x: ca.MX
+    f: ca.MX
+    g: ca.MX
+    names: tuple[str, ...]
+    lower: Array
+    upper: Array
+    units: Array
+    row_names: tuple[str, ...]
+    row_lower: Array
+    row_upper: Array
+    guess: Array
+    motion_of: Callable[[Array], Trajectory] = field(repr=False)
+
+    @property
+    def nlp(self) -> dict[str, ca.MX]:
+        """The expressions as `casadi.nlpsol` takes them."""
+        return {"x": self.x, "f": self.f, "g": self.g}
+
+    @property
+    def bounds(self) -> dict[str, Array]:
+        """Guess and bounds as a solver of `casadi.nlpsol` takes them."""
+        own = {"x0": self.guess, "lbx": self.lower, "ubx": self.upper}
+        return own | {"lbg": self.row_lower, "ubg": self.row_upper}
+
+    def trajectory(self, x: ArrayLike) -> Trajectory:
+        """The motion of unknowns, neither replayed nor checked.
+
+        Args:
+            x: unknowns, shape (n,) or (n, 1), such as a solver's.
+
+        Raises:
+            ProblemError: another number of unknowns.
+        """
+        values = np.array(x, dtype=float).ravel()
+        if values.size != len(self.names):
+            raise ProblemError(f"x has {values.size} unknowns; the program has {len(self.names)}")
+        return self.motion_of(values)
+
+
+def build_mesh(
+    problem: MinimumTimeProblem, intervals: int = MinimumTimeOptions.intervals, guess: Trajectory | None = None
+) -> MotionProgram:
+    """Build the program of a collocation mesh, as `solve_minimum_time` does for up to three joints.
+
+    Args:
+        problem: the minimum-time problem.
+        intervals: number of equal intervals, distributed over the legs between via points.
+        guess: initial guess; None: the straight path.
+
+    Raises:
+        ProblemError: an argument is none, or the guess has another number of joints.
+    """
+    task, guess = _task(problem, intervals, guess)
+    constraints = TightenedConstraints.of(task)
+    data = assemble_mesh(task, guess or spline(task.problem, []), intervals, constraints)
+    nlp = with_rows(task.dynamics, task.scheme, intervals, constraints.rows(task.problem))
+    layout, scales, n = data.layout, data.scales, task.problem.robot.nv
+    names = _Names.empty(layout.size(intervals), task.problem.robot.joint_names)
+    for letter, states in (("", layout.states(intervals)), ("middle ", layout.inner_states(intervals)[:, 0])):
+        names.put(f"{letter}q", states[:, :n], scales.length)
+        names.put(f"{letter}v", states[:, n:], scales.speed)
+    knots = layout.knots(intervals)[:, layout.knot.torque]
+    names.put("tau", knots if layout.linear else layout.torques(intervals)[:, 0], scales.effort)
+    names.put("T", layout.times(intervals)[:, None], scales.time)
+    return _built(task, nlp, data, names, lambda x: data.motion(x, task.problem.robot.joint_names))
+
+
+def build_curve(
+    problem: MinimumTimeProblem, intervals: int | None = None, guess: Trajectory | None = None
+) -> MotionProgram:
+    """Build the program of a B-spline curve, as `solve_minimum_time` does for more than three joints.
+
+    Args:
+        problem: the minimum-time problem, of an arm without passive joints.
+        intervals: number of intervals of each leg between via points; None: that of the solve.
+        guess: initial guess; None: the straight path.
+
+    Raises:
+        ProblemError: an argument is none, a joint is passive, or the guess has another number of joints.
+    """
+    intervals = Task.of(problem).policy.curves.intervals if intervals is None else intervals
+    task, guess = _task(problem, intervals, guess)
+    if np.any(task.problem.limits.passive):
+        raise ProblemError("a curve's torques are those of inverse dynamics, and a passive joint has none; build_mesh")
+    curve, spec = straight_curve(task, intervals), CurveSpec.of(task)
+    if guess is not None:
+        curve = _along(task.problem, guess, curve.legs[0].basis)
+    shape, rows = curve_layout(task.problem, curve, spec.constraints), rows_of(task.problem, spec.constraints)
+    scales = units_of(task.problem, curve, shape, rows)
+    data, units = assemble_curve(task, curve, spec, shape, scales), shape.units(*scales)
+    names = _Names.empty(shape.size, task.problem.robot.joint_names)
+    for leg in shape.legs:
+        own = f"{leg}," if len(shape.legs) > 1 else ""
+        names.put("point", shape.points(leg), units[shape.points(leg)], own)
+        names.put("tau", shape.torques(leg), task.problem.limits.actuators.half_range, own)
+        names.put("T", np.array([[shape.duration(leg)]]), scales[1], own)
+    program = build(task.dynamics, shape, rows, False)
+    return _built(task, program, data, names, lambda x: sampled(task, shape.curve(curve, x * units)))
+
+
+def _task(problem: MinimumTimeProblem, intervals: int, guess: Trajectory | None) -> tuple[Task, Trajectory | None]:
+    """The task, without machine code, which others' solvers do not call, and the checked guess."""
+    expect(problem, MinimumTimeProblem, "problem")
+    whole(intervals, "intervals", least=len(problem.poses) - 1, most=MOST_INTERVALS)
+    guesses = () if guess is None else (expect(guess, Trajectory, "guess"),)
+    posed = problem.without_torques() if problem.kinematic else problem
+    return Task.of(posed, MinimumTimeOptions(guesses=guesses, compile=False)), guess
+
+
+def _along(problem: MinimumTimeProblem, guess: Trajectory, basis: Basis) -> Curve:
+    """A curve near a motion."""
+    durations = legs_of(problem, guess, basis.intervals * (len(problem.poses) - 1)).durations
+    starts = guess.t[0] + np.cumsum(durations) - durations
+    legs = (CurveLeg(basis, guess(t + T * basis.places).q, float(T)) for t, T in zip(starts, durations, strict=True))
+    return Curve(tuple(legs))
+
+
+@dataclass(frozen=True, eq=False)
+class _Names:
+    """Names and units of unknowns, written part by part."""
+
+    names: list[str]
+    units: Array
+    joints: tuple[str, ...]
+
+    @classmethod
+    def empty(cls, size: int, joints: tuple[str, ...]) -> Self:
+        return cls([""] * size, np.ones(size), joints)
+
+    def put(self, letter: str, index: Index, unit: ArrayLike, leg: str = "") -> None:
+        """Name unknowns of one kind, shape (places, nv) or (places, 1)."""
+        self.units[index] = unit
+        for k, row in enumerate(index):
+            for place, part in zip(row, _parts(row.size, self.joints), strict=True):
+                self.names[place] = f"{letter}[{leg}{k}]{part}"
+
+
+def _parts(count: int, joints: tuple[str, ...]) -> list[str]:
+    """Endings of the names of several numbers at one place."""
+    if count == len(joints):
+        return [f".{joint}" for joint in joints]
+    return [""] if count == 1 else [f".{k}" for k in range(count)]
+
+
+def _built(
+    task: Task, program: Program, data: NlpData, unknowns: _Names, motion: Callable[[Array], Trajectory]
+) -> MotionProgram:
+    x, p, f, g = (program.functions[name] for name in "xpfg")
+    f, g = ca.substitute([f, g], [p], [ca.DM(data.p)])
+    names, rows = tuple(unknowns.names), tuple(_rows(program.blocks, unknowns.joints))
+    return MotionProgram(x, f, g, names, *data.x_bounds, unknowns.units, rows, *data.g_bounds, data.x, motion)
+
+
+def _rows(blocks: tuple[Block, ...], joints: tuple[str, ...]) -> Iterator[str]:
+    """Names of the rows: kind, leg if there are several of the kind, place, and joint or number."""
+    several, seen = Counter(block.name for block in blocks if block.rows), Counter[str]()
+    for block in blocks:
+        leg = f"{seen[block.name]}," if several[block.name] > 1 else ""
+        seen[block.name] += 1
+        parts = _parts(block.rows, joints)
+        if block.name == "interval":
+            parts = [
+                *(f" {where} {kind}.{joint}" for where in ("middle", "end") for kind in "qv" for joint in joints),
+                " T",
+            ]
+        yield from (
+            f"{block.name}[{leg}{k}]{part}" for k in range(1 if block.summed else block.places) for part in parts
+        )
