@@ -96,8 +96,8 @@ def assemble_arcs(
 
 def _equation_bounds(arcs: Sequence[Arc], arc_of: Index, layout: Layout) -> tuple[Array, Array]:
     """Bounds of the equations: zero, but free between the durations of arcs and where 0 = 0."""
-    least = np.zeros((arc_of.size, layout.equations.size))
-    least[np.flatnonzero(np.diff(arc_of)), layout.equations.time] = -np.inf  # every arc has a duration of its own
+    least = np.zeros((arc_of.size, layout.rows))
+    least[np.flatnonzero(np.diff(arc_of)), -1] = -np.inf  # every arc has a duration of its own
     for i in range(layout.nv):
         held = np.array([arcs[a].modes[i] in POSITION for a in arc_of.tolist()])
         least[np.ix_(held, layout.defects[:, layout.knot.q][:, i])] = -np.inf

@@ -257,7 +257,7 @@ def _gradient(nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult) -> Array:
 def _costates(nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult, gradient: Array) -> tuple[Array, Array]:
     """Costates at the knots, shape (N + 1, 2 nv), and their integrals over the stages, shape (N, stages, 2 nv)."""
     layout, N, scales = nlp.layout, nlp.intervals, nlp_data.scales
-    rows = result.lam_g[: N * nlp.defects].reshape(N, nlp.defects)[:, layout.defects]  # (N, stages, 2 nv)
+    rows = result.lam_g[: N * layout.rows].reshape(N, layout.rows)[:, layout.defects]  # (N, stages, 2 nv)
     units = np.repeat([scales.length, scales.speed], layout.nv)
     costate = np.concatenate([-rows.sum(axis=1), -gradient[layout.states(N)[-1:]]])
     lengths = nlp_data.part * result.x[layout.times(N)[:-1]]

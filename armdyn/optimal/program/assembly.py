@@ -108,11 +108,6 @@ class Nlp(Program):
     layout: Layout
     intervals: int
 
-    @property
-    def defects(self) -> int:
-        """Number of equations of motion per interval."""
-        return self.layout.equations.size
-
 
 def build_nlp(dynamics: Dynamics, scheme: Scheme, intervals: int, more: Sequence[Block] = ()) -> Nlp:
     """NLP of an arm: depends only on the model and the number of intervals, not on poses, limits, scales or payload.

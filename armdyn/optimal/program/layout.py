@@ -86,21 +86,6 @@ class InnerFields:
 
 
 @dataclass(frozen=True)
-class EquationFields:
-    """Slices of an interval's equations.
-
-    Attributes:
-        defects: defects of (q, v) for every stage but one at the first knot.
-        time: equality of the final times at both knots.
-        size: number of all equations.
-    """
-
-    defects: slice
-    time: int
-    size: int
-
-
-@dataclass(frozen=True)
 class Layout:
     """Indices of the program of an arm with `nv` joints."""
 
@@ -127,16 +112,16 @@ class Layout:
         torques = _after(states, n * {"linear": 0, "constant": 1, "stage": stages}[self.scheme.control])
         return InnerFields(states, torques, torques.stop)
 
-    @cached_property
-    def equations(self) -> EquationFields:
-        """Slices of an interval's equations."""
-        time = 2 * self.nv * (len(self.scheme.tableau.inner) + 1)
-        return EquationFields(slice(0, time), time, time + 1)
+    @property
+    def rows(self) -> int:
+        """Number of an interval's equations: defects of (q, v), and last the difference of the final times."""
+        return self.defects.size + 1
 
     @property
     def defects(self) -> Index:
         """Indices of the defects of q and v among an interval's equations, shape (stages, 2 nv)."""
-        return np.arange(self.equations.size)[self.equations.defects].reshape(-1, 2 * self.nv)
+        stages = len(self.scheme.tableau.inner) + 1  # without one at the first knot
+        return np.arange(2 * self.nv * stages).reshape(stages, 2 * self.nv)
 
     @property
     def block(self) -> int:

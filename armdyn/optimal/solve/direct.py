@@ -198,7 +198,7 @@ def solve_on_mesh(
     g = solver.equations(x, data.p)
     landed = result.status is Status.SOLVED
     # Rows after the equations of motion are not checked.
-    beyond = np.maximum(g - ubg, lbg - g)[: intervals * layout.equations.size].reshape(intervals, -1)
+    beyond = np.maximum(g - ubg, lbg - g)[: intervals * layout.rows].reshape(intervals, -1)
     own = np.maximum(x[layout.times(intervals)[np.append(0, data.legs.knots[:-1])]] * scales.time, 0)
     return Attempt(
         status=result.status,
@@ -213,8 +213,8 @@ def solve_on_mesh(
 
 def _equations(layout: Layout, legs: Legs) -> tuple[Array, Array]:
     """Lower and upper bounds of the equations of motion."""
-    lower = np.zeros((legs.knots[-1], layout.equations.size))
-    lower[legs.knots[:-1] - 1, layout.equations.time] = -np.inf  # every leg has a duration of its own
+    lower = np.zeros((legs.knots[-1], layout.rows))
+    lower[legs.knots[:-1] - 1, -1] = -np.inf  # every leg has a duration of its own
     return lower.ravel(), -lower.ravel()
 
 

@@ -47,7 +47,7 @@ def test_derivatives():
     more = with_rows(dynamics, scheme, N, rows)
     x, p, f, g = (more.functions[name] for name in "xpfg")
     lower, upper = row_bounds(rows, values, CollocationInterval(dynamics, scheme), N)
-    assert lower.size == upper.size == g.numel() - N * nlp.defects and np.all(lower <= upper)
+    assert lower.size == upper.size == g.numel() - N * nlp.layout.rows and np.all(lower <= upper)
     lam, sigma = ca.MX.sym("lam", g.numel()), ca.MX.sym("sigma")
     expected = ca.Function(
         "expected",

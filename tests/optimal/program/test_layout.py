@@ -30,7 +30,6 @@ def test_fields_fill_their_blocks_without_gap_or_overlap(layout):
     blocks = (
         (layout.knot, ("q", "v", "time", "torque")),
         (layout.inner, ("states", "torques")),
-        (layout.equations, ("defects", "time")),
     )
     for fields, names in blocks:
         np.testing.assert_array_equal(places(fields, *names), np.arange(fields.size))
@@ -65,14 +64,14 @@ def test_there_are_as_many_equations_as_an_interval_has(control):
     scheme = Scheme(control, compile=False)
     layout = Layout(2, scheme)
     one = interval_functions(Dynamics(paper_arm("rr"), free_last_body=True), scheme)
-    assert one.defects.numel_out(0) == layout.equations.size
+    assert one.defects.numel_out(0) == layout.rows
     assert layout.defects.shape == (len(scheme.tableau.inner) + 1, 4)
 
 
 def test_equations_by_their_names():
     layout = Layout(2, Scheme("constant"))
     assert layout.equation(1) == ("position defect", 1)
-    assert layout.equation(layout.equations.time - 1) == ("velocity defect", 1)
+    assert layout.equation(layout.rows - 2) == ("velocity defect", 1)
 
 
 @pytest.mark.parametrize("scheme", CONDENSED, ids=str)
