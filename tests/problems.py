@@ -158,9 +158,8 @@ def random_solution(pair):
 
 
 def mesh_alone(problem, **options):
-    """The solution by the resolved mesh: no switching structure is refined, so that it has no arcs."""
+    """The solution by the resolved mesh, without exact switching times."""
     task = Task.of(problem, ad.MinimumTimeOptions(workers=1, bound=False, **options))
-    without = {"budget": 0, "coarse_budget": 0, "switch_budget": 0, "switch_budget_at_speed": 0}
-    solution = solve_task(replace(task, policy=task.policy.changed("refinement", **without)))
-    assert solution.certified and solution.arcs == (), solution.message
+    solution = solve_task(replace(task, policy=task.policy.changed("polish", rounds=0)))
+    assert solution.certified and solution.phases is None, solution.message
     return solution

@@ -103,15 +103,12 @@ def test_strong_motors_have_singular_arcs(name, goal, duration):
     solution = solve(problem_of(name, goal))
     assert_optimal(solution)
     assert solution.certificate.singular
-    # Torques that are lines in a few intervals of a singular arc leave 2e-7 of the time.
+    # The resolved mesh follows torques between the limits to 1e-6.
     assert solution.duration == pytest.approx(duration, rel=1e-6)
-    # The free torque goes from about one limit to zero, a little up and down, and at the end perhaps to the other limit
-    # (3.2 of half the range, measured); as it likes through every stage it goes up and down by one in each interval.
-    i, phases = motor_of(solution.problem), solution.phases
-    for a, arc in enumerate(solution.arcs):
-        if arc.modes[i] is Mode.FREE:
-            level = phases.tau[phases.arc_of == a, :, i].ravel() / solution.problem.limits.effort_upper[i]
-            assert np.sum(np.abs(np.diff(level))) < 4
+    i = motor_of(solution.problem)
+    level = np.abs(solution.trajectory.tau[:, i]) / solution.problem.limits.effort_upper[i]
+    between = np.diff(solution.trajectory.t) @ (level[:-1] < 0.98)
+    assert between > 0.05 * solution.duration
 
 
 def test_a_start_that_is_no_equilibrium():

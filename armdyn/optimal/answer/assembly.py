@@ -57,7 +57,7 @@ def assembled(
             best.trajectory, name=task.problem.robot.marked(best.trajectory.name), ends=task.problem.ends
         ),
         certificate=certificate,
-        arcs=best.phases.arcs if best.phases else (),
+        arcs=best.arcs,
         phases=best.phases,
         costates=best.costates,
         local_optima=_others(task, duration, known, found.listed),

@@ -41,8 +41,9 @@ class Solution:
         duration: t_f [s]; of the last iterate if the solve failed: check `moves` before you show it.
         trajectory: the motion; the last iterate if the solve failed.
         certificate: results of the checks.
-        arcs: active limit of every joint and duration of each arc; empty if they were not resolved.
-        phases: the solved arcs with costates; None: not resolved.
+        arcs: active limit of every joint and duration of each arc, exact with `phases`, else to the resolution of the
+            mesh; empty if the motion was not resolved.
+        phases: the solved arcs with costates; None: the mesh's motion is the answer, or a curve.
         costates: costates of the motion, of arcs or of a mesh, see `sensitivities`; None: unknown.
         local_optima: durations of the other optima met [s], increasing; unrefined ones to the coarse mesh's accuracy.
         intervals: number of intervals of the last mesh.

@@ -91,7 +91,7 @@ def _extremal(solution: Solution) -> tuple[bool | None, str]:
     certificate = solution.certificate
     if certificate.saving is not None:
         return certificate.extremal, f"to first order a change saves at most {percent(certificate.saving)} of the time"
-    if not solution.arcs:
+    if solution.phases is None:
         return None, "Pontryagin's conditions are not checked: the switching times are not resolved"
     adjoint = certificate.adjoint_error
     return certificate.extremal, (

@@ -89,13 +89,15 @@ class Event:
     touch: bool = False
 
 
-def arcs_between(first: Sequence[Mode], events: Sequence[Event], duration: float) -> list[Arc]:
+def arcs_between(first: Sequence[Mode], events: Sequence[Event], duration: float, least: float = 1e-3) -> list[Arc]:
     """Arcs from the modes at the start and the changes between them.
 
     Args:
         first: modes at the start, one per joint.
         events: in any order, with times within the motion [s].
         duration: of the whole motion [s].
+        least: part of the duration to which shorter arcs are lengthened, for a program with their durations; 0: those
+            of no length are left out.
     """
     ordered = sorted(events, key=lambda event: event.time)
     modes, arcs = list(first), []
@@ -103,7 +105,9 @@ def arcs_between(first: Sequence[Mode], events: Sequence[Event], duration: float
     for k, (t0, t1) in enumerate(pairwise(times)):
         event = ordered[k] if k < len(ordered) else None
         touches = ((event.joint, event.mode),) if event and event.touch else ()
-        arcs.append(Arc(max(t1 - t0, 1e-3 * duration), tuple(modes), touches))
+        length = max(t1 - t0, least * duration)
+        if length > 0 or touches:
+            arcs.append(Arc(length, tuple(modes), touches))
         if event and not event.touch:
             modes[event.joint] = event.mode
     total = sum(arc.duration for arc in arcs)

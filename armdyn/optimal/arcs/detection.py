@@ -86,7 +86,20 @@ def detect(
             k = int(run[len(run) // 2])
             side = Mode.POSITION_UPPER if at_knots.q[k, i] > np.mean(bounds) else Mode.POSITION_LOWER
             events.append(Event(float(knots[k]), i, side, touch=True))
-    return arcs_between(first, events, duration)
+    return arcs_between(first, events, duration, 0.0)
+
+
+def arcs_of(problem: MinimumTimeProblem, motion: Trajectory, numbers: ArcsPolicy) -> tuple[Arc, ...]:
+    """The arcs of a resolved mesh's motion, to the mesh's resolution.
+
+    Args:
+        problem: the problem with its limits.
+        motion: motion with constant torques between its knots, a sample before and one after each.
+        numbers: tolerances within which a limit is active.
+    """
+    apart = np.diff(motion.t) > 1e-12 * motion.duration
+    knots = np.append(motion.t[:-1][apart], motion.t[-1]) / motion.duration
+    return tuple(detect(problem, motion, knots, numbers.switch, numbers.at_switches, numbers.brief))
 
 
 def _without_bounces(modes: Sequence[Mode]) -> list[Mode]:

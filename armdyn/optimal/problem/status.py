@@ -128,32 +128,6 @@ class Stop:
         return self.interrupted or self.late
 
 
-class Budget(Stop):
-    """A `Stop` that also holds once a number of integrator steps is spent.
-
-    Steps, not seconds, are counted, so that the same seed gives the same answer on every machine.
-
-    Attributes:
-        left: integrator steps that may still be taken.
-    """
-
-    def __init__(self, stop: Stop, steps: float = np.inf):
-        super().__init__(stop.deadline, within=stop.within)
-        self._flags, self.left = stop._flags, steps
-
-    def spend(self, steps: float) -> None:
-        """Subtract steps from the budget."""
-        self.left -= steps
-
-    @property
-    def word(self) -> str:
-        """Reason of the stop, for messages."""
-        return super().word if super().__bool__() else "the budget of integrator steps is spent"
-
-    def __bool__(self) -> bool:
-        return super().__bool__() or self.left <= 0
-
-
 @contextmanager
 def stopping(seconds: float, within: Stop | None = None) -> Iterator[Stop]:
     """Context in which Ctrl-C and the clock set a `Stop` instead of raising; a second Ctrl-C raises.

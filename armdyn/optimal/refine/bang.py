@@ -1,29 +1,34 @@
-"""Minimum time: the optima of a search, refined to arcs and certified, in parallel."""
+"""Minimum time: the optima of a search, resolved and certified, with exact switching times where possible."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
+from armdyn.optimal.arcs.detection import arcs_of
 from armdyn.optimal.landing.rollout import replay_of
-from armdyn.optimal.problem.status import Budget, Violation
+from armdyn.optimal.landing.shooting import replay_on_goal
+from armdyn.optimal.polish.polish import polished
 from armdyn.optimal.program.unknowns import doubled
-from armdyn.optimal.proof.certificate import certify
-from armdyn.optimal.refine.motion_mesh import ResolvedMotions
+from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, certify
+from armdyn.optimal.refine.land import as_replayed, with_adjoint_check
+from armdyn.optimal.refine.motion_mesh import ResolvedMotions, mesh_optimum
 from armdyn.optimal.refine.optimum import Optimum
-from armdyn.optimal.refine.resolve import is_resolved, rank, resolve
+from armdyn.optimal.refine.slowing import least_slowing
 from armdyn.optimal.search.candidates import SearchResult, find
 from armdyn.optimal.solve.condensed import solve_quickly
 from armdyn.optimal.solve.direct import Attempt
-from armdyn.optimal.switching.refinement import prepare_switching
 from armdyn.optimal.task.task import Task
 from armdyn.parallel import in_processes
+from armdyn.trajectory import Trajectory
 
-_GIVEN_UP = "refinement was given up: its budget of integrator steps and mesh iterations is spent"
+_GIVEN_UP = "refinement was given up: its budget of mesh iterations is spent"
+_NO_ARCS = "torques between their limits, or limits of the state, decide: arcs have the mesh's resolution"
 
 
 def minimum_time(task: Task) -> tuple[list[Optimum], SearchResult]:
-    """Optima with arcs, by duration on the mesh, and the search's statistics.
+    """Optima by duration on the mesh, and the search's statistics.
 
     Args:
         task: without a weight on effort, and without path constraints.
@@ -37,7 +42,7 @@ def minimum_time(task: Task) -> tuple[list[Optimum], SearchResult]:
 
 
 def refined(task: Task, found: SearchResult) -> tuple[list[Optimum], bool]:
-    """Detect arcs of optima on the first mesh; refine the best on finer ones until one lands or is certified.
+    """Refine optima on the first mesh, best first, until the others are slower.
 
     Args:
         task: task with the first mesh as `options.intervals`.
@@ -47,31 +52,19 @@ def refined(task: Task, found: SearchResult) -> tuple[list[Optimum], bool]:
         The optima that are worth it, in order, and whether the budget is spent.
     """
     attempts, numbers, options = found.attempts, task.policy.refinement, task.options
-    if _reads_arcs(task):
-        prepare_switching(task)
-    # Once there is an answer, slower optima are refined on one mesh only.
-    few, many = options.intervals, options.max_intervals
     # In sequence they share resolved motions: most of the work with active velocity limits.
     alone = bool(np.any(np.isfinite(task.problem.limits.velocity)))
-    meshes = task.policy.motion_mesh
-    shared = ResolvedMotions(meshes) if alone else None
-
-    def refined_further(k: int) -> _Reached:
-        begun = _Reached(attempts[k], shared or ResolvedMotions(meshes), left=numbers.budget * 2 / 3 ** (k + 1))
-        return _on_finer_meshes(task, few if k else many, _on_mesh(task, options.intervals, begun))
-
-    optima: list[Optimum] = []
-    cutoff = np.inf
+    shared = ResolvedMotions(task.policy.motion_mesh) if alone else None
+    optima, cutoff = list[Optimum](), np.inf
     task.progress(f"refining optimum 1 of {len(attempts)}, about {attempts[0].trajectory.duration:.4f} s")
-    jobs = [partial(refined_further, k) for k in range(len(attempts))]
-    for k, reached in enumerate(in_processes(jobs, 1 if alone else task.workers, first_here=True)):
-        landed = any(optimum.landed(options.replay_tolerance) for optimum in optima)
-        optima.append(_optimum(task, reached if landed else _on_finer_meshes(task, many, reached)))
-        if optima[k].usable(options.replay_tolerance):
+    jobs = [partial(_refined, task, one, shared or ResolvedMotions(task.policy.motion_mesh)) for one in attempts]
+    for k, optimum in enumerate(in_processes(jobs, 1 if alone else task.workers, first_here=True)):
+        optima.append(optimum)
+        if optimum.usable(options.replay_tolerance):
             if shared:
-                shared.best = min(shared.best, optima[k].cost)
-            duration, cost = attempts[k].trajectory.duration, optima[k].cost
-            sure = duration + numbers.error_factor * abs(duration - cost) if optima[k].certificate.ok else np.inf
+                shared.best = min(shared.best, optimum.cost)
+            duration, cost = attempts[k].trajectory.duration, optimum.cost
+            sure = duration + numbers.error_factor * abs(duration - cost) if optimum.certificate.ok else np.inf
             cutoff = min(cutoff, sure, numbers.slower * cost)
         left = attempts[k + 1 :]
         slower = options.refinements is None and numbers.lists_slower and left and left[0].trajectory.duration > cutoff
@@ -82,94 +75,81 @@ def refined(task: Task, found: SearchResult) -> tuple[list[Optimum], bool]:
     return optima, shared is not None and shared.spent
 
 
-@dataclass(frozen=True, eq=False)
-class _Reached:
-    """State of one optimum's refinement.
-
-    Attributes:
-        guess: the last attempt that converged.
-        resolved: resolved motions of the problem.
-        mesh: number of intervals of the last mesh; 0: none was tried.
-        best: best optimum so far; None: no mesh has converged.
-        iterations: iterations over all meshes.
-        failure: message and worst violation of the last mesh, if it did not converge.
-        left: integrator steps left for its arcs.
-    """
-
-    guess: Attempt
-    resolved: ResolvedMotions
-    mesh: int = 0
-    best: Optimum | None = None
-    iterations: int = 0
-    failure: tuple[str, Violation | None] = ("", None)
-    left: float = np.inf
-
-
-def _on_mesh(task: Task, mesh: int, step: _Reached) -> _Reached:
-    """Refine on a mesh of given size; a solution of the search on that mesh is used unchanged."""
-    attempt, iterations = step.guess, step.iterations
-    if step.mesh or attempt.intervals != mesh:
-        attempt = solve_quickly(task, step.guess.trajectory, mesh, task.fine())
-        iterations += attempt.iterations
-    if not attempt.usable:
-        failure = attempt.message, attempt.worst_violation
-        return replace(step, mesh=mesh, iterations=iterations, failure=failure)
-    best, left = _read(task, attempt, step)
-    if step.best is not None and _quality(task, step.best) <= _quality(task, best):
-        best = step.best
-    return replace(step, guess=attempt, mesh=mesh, best=best, iterations=iterations, failure=("", None), left=left)
-
-
-def _on_finer_meshes(task: Task, finest: int, step: _Reached) -> _Reached:
-    """Refine on finer meshes until an optimum reaches the goal within its limits or is certified."""
-    while not (_enough(task, step) or task.stop):
-        finer = doubled(step.mesh, finest)
-        if finer is None or (step.best is None and step.mesh > task.options.intervals):
+def _refined(task: Task, attempt: Attempt, resolved: ResolvedMotions) -> Optimum:
+    """The best motion near a solution, from its mesh or from finer ones where that has no usable motion."""
+    best, last, iterations = None, attempt, 0
+    for size in _sizes(task):
+        if last.intervals != size:
+            last = solve_quickly(task, attempt.trajectory, size, task.fine())
+            iterations += last.iterations
+        if last.usable:
+            attempt, one = last, _near(task, last, resolved)
+            best = one if best is None else min(best, one, key=partial(_quality, task))
+            if best.certificate.ok or best.usable(task.options.replay_tolerance) or resolved.spent:
+                break
+        if task.stop or (best is None and size > task.options.intervals):
             break
-        step = _on_mesh(task, finer, step)
-    return step
-
-
-def _reads_arcs(task: Task) -> bool:
-    """Whether to detect arcs of attempts: the option is set, and torques are constant in the intervals."""
-    return task.options.arcs and task.scheme.control == "constant"
-
-
-def _read(task: Task, attempt: Attempt, step: _Reached) -> tuple[Optimum, float]:
-    """The extremal near a mesh's solution within a budget of integrator steps, and the rest of the budget."""
+    if best is not None:
+        return replace(best, iterations=iterations)
     motion = attempt.trajectory
-    if _reads_arcs(task):
-        budget = Budget(task.stop, step.left)
-        return replace(resolve(task, attempt, budget, step.resolved), iterations=0), budget.left
-    certificate = certify(task.problem, replay_of(task, motion), None, "arcs were not requested")
-    return Optimum(motion, certificate, motion.duration, attempt.intervals), step.left
+    remark = f"did not converge on {last.intervals} intervals ({last.message})"
+    certificate = certify(task.problem, replay_of(task, motion), None, remark)
+    return Optimum(
+        motion,
+        certificate,
+        motion.duration,
+        last.intervals,
+        iterations=iterations,
+        worst_violation=last.worst_violation,
+    )
 
 
-def _enough(task: Task, step: _Reached) -> bool:
-    """Whether a finer mesh cannot improve the optimum, or is hopeless."""
-    if step.best is None or step.resolved.spent:
-        return step.best is not None
-    certificate, numbers = step.best.certificate, task.policy.refinement
-    landed = step.best.landed(task.options.replay_tolerance)
-    if landed and step.left <= numbers.coarse_budget:  # hopeless
-        return True
-    if numbers.extremal_is_enough and is_resolved(step.best):
-        return True
-    return certificate.ok or (landed and not task.options.arcs)
+def _sizes(task: Task) -> Iterator[int]:
+    """Numbers of intervals of successively finer meshes."""
+    size: int | None = task.options.intervals
+    while size:
+        yield size
+        size = doubled(size, task.options.max_intervals)
 
 
-def _optimum(task: Task, step: _Reached) -> Optimum:
-    """The best optimum of the meshes, or the last attempt if none converged."""
-    problem, best = task.problem, step.best
-    if best is None:
-        motion, (message, violation) = step.guess.trajectory, step.failure
-        remark = f"did not converge on {step.mesh} intervals ({message})"
-        certificate = certify(problem, replay_of(task, motion), None, remark)
-        return Optimum(
-            motion, certificate, motion.duration, step.mesh, iterations=step.iterations, worst_violation=violation
-        )
-    return replace(best, iterations=step.iterations)
+def _near(task: Task, attempt: Attempt, resolved: ResolvedMotions) -> Optimum:
+    """Best motion near a mesh's solution: its bang arcs, else the resolved mesh's motion or its bang arcs."""
+    asked = task.options.arcs and task.scheme.control == "constant"
+    if not asked or task.stop:
+        why = "arcs were not requested" if not asked else f"{task.stop.word} before the arcs were read"
+        return Optimum.of(task.problem, replay_on_goal(task, attempt), attempt.intervals, None, why)
+    exact = _exact(task, attempt.trajectory, attempt.intervals)
+    if exact is not None:
+        return exact
+    motion = mesh_optimum(task, attempt, _NO_ARCS, resolved)
+    if motion is None or not motion.within_limits:
+        own = Optimum.of(task.problem, replay_on_goal(task, attempt), attempt.intervals, None, _NO_ARCS)
+        return own if motion is None else min(own, motion, key=partial(_rank, task))
+    exact = _exact(task, motion.trajectory, motion.intervals)
+    if exact is not None and exact.cost <= (1 + task.policy.same.resolved) * motion.cost:
+        return exact
+    arcs = arcs_of(task.problem, motion.trajectory, task.policy.arcs)
+    certificate = replace(motion.certificate, singular=any(arc.singular for arc in arcs))
+    return replace(motion, arcs=arcs, certificate=certificate)
+
+
+def _exact(task: Task, motion: Trajectory, intervals: int) -> Optimum | None:
+    """The certified motion of a mesh's bang arcs, checked by another integrator; None: there is none."""
+    phases = polished(task, motion)
+    if phases is None:
+        return None
+    found = Optimum.of(task.problem, replay_of(task, phases.torques), intervals, phases)
+    if found.certificate.ok:
+        found = with_adjoint_check(task, as_replayed(task, found))
+    return found if found.certificate.ok else None
+
+
+def _rank(task: Task, optimum: Optimum) -> tuple[bool, float]:
+    """Sort key: first the optima that reach the goal within their limits, by duration; then the others, by error."""
+    factor = least_slowing(task, optimum)
+    good = optimum.certificate.goal_error <= GOAL_TOLERANCE and factor <= task.policy.refinement.slower
+    return not good, factor * optimum.trajectory.duration if good else optimum.error
 
 
 def _quality(task: Task, optimum: Optimum) -> tuple[bool, bool, float]:
-    return not optimum.certificate.ok, *rank(task, optimum)
+    return not optimum.certificate.ok, *_rank(task, optimum)

@@ -5,17 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from armdyn.optimal.arcs.phases import Phases, Unresolved, solve_phases
-from armdyn.optimal.landing.rollout import Segments, dense, replay_of
+from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.path_constraints.tightened import Aim
-from armdyn.optimal.problem.status import Budget
 from armdyn.optimal.program.unknowns import doubled
-from armdyn.optimal.proof.certificate import SEGMENT_TOLERANCE
 from armdyn.optimal.proof.pontryagin import adjoint_error, pontryagin
 from armdyn.optimal.proof.repeat import repeated
 from armdyn.optimal.refine.optimum import Optimum
-from armdyn.optimal.switching.costates import phases_of
-from armdyn.optimal.switching.extremal.descent import finer, in_one_piece
-from armdyn.optimal.switching.extremal.quadratic_model import LinearRollout
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -61,40 +56,6 @@ def with_adjoint_check(task: Task, optimum: Optimum) -> Optimum:
         return optimum
     error = adjoint_error(task.problem.robot, optimum.trajectory, optimum.phases, task.policy.adjoint)
     return replace(optimum, certificate=replace(optimum.certificate, adjoint_error=error))
-
-
-def land_extremal(task: Task, extremal: LinearRollout, intervals: int, budget: Budget) -> Optimum:
-    """Offset an extremal's goal until the replay of its sampled torques reaches the original goal; certify the replay.
-
-    Args:
-        task: the problem and its settings.
-        extremal: the extremal.
-        intervals: number of intervals of the mesh with its arcs.
-        budget: budget of finer integration.
-    """
-    problem, policy, n, aim = task.problem, task.policy, task.problem.robot.nv, Aim()
-    samples, least = 1, np.inf
-    for _ in range(policy.refinement.corrections):
-        phases = phases_of(in_one_piece(extremal, aim.at_goal(n)))
-        inexact = float(np.max(np.abs(pontryagin(problem, phases)[0]))) > policy.refinement.hamiltonian_tolerance
-        if inexact and not budget and (more := finer(extremal, budget)) is not None:
-            extremal = more
-            continue
-        replay = replay_of(task, dense(phases.torques, samples))
-        missed = float(np.max(np.abs(problem.goal_error_of(replay)[:n])))
-        if replay.t[-1] != phases.duration or task.stop or missed > least / 2 > policy.refinement.landed:
-            break
-        least = missed
-        if missed <= policy.refinement.landed:
-            if (
-                samples > policy.refinement.most_samples
-                or Segments.of(problem.robot, replay).largest <= SEGMENT_TOLERANCE / 2
-            ):
-                break
-            samples = 2 * replay.t.size  # too fast for the replay's integrator in some samples
-            continue
-        aim = aim.corrected(problem, replay)
-    return Optimum.of(problem, replay, intervals, phases)
 
 
 def _finer(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:

@@ -1,11 +1,11 @@
 """Mesh refinement until the motion, not only its switching times, is the optimum's.
 
-`switch_mesh` locates brief switches. Here intervals are divided wherever piecewise constant torques cannot follow the
+Intervals are divided wherever piecewise constant torques cannot follow the
 optimum: at jumps of a torque off its limits, along limits of velocity and position, which a constant torque leaves, and
 where the collocation's error is large.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,9 +21,8 @@ from armdyn.optimal.proof.mesh_costates import MeshCostates, mesh_costates
 from armdyn.optimal.proof.pontryagin import idle_joints
 from armdyn.optimal.proof.repeat import repeated
 from armdyn.optimal.refine.optimum import MeshMargins, Optimum, excess
-from armdyn.optimal.refine.switch_mesh import on_finer_meshes
 from armdyn.optimal.search.multistart import distinct
-from armdyn.optimal.solve.condensed import has_stagewise, solve_on_knots
+from armdyn.optimal.solve.condensed import solve_on_knots
 from armdyn.optimal.solve.direct import Attempt
 from armdyn.optimal.task.options import Acceptable, SolverSettings
 from armdyn.optimal.task.policy.refinement import MotionMeshPolicy
@@ -49,10 +48,6 @@ class ResolvedMotions:
     def spent(self) -> bool:
         """Whether the budget is spent, but for divided meshes."""
         return self.left < self._numbers.reserve
-
-    def spend(self, steps: float) -> None:
-        """Subtract integrator steps of structures from the budget."""
-        self.left -= self._numbers.step * steps
 
     def beats(self, mesh: Attempt) -> bool:
         """Whether the best usable motion is so much faster than a mesh's motion that the mesh is skipped."""
@@ -91,12 +86,8 @@ class _Meshes:
     def finer(self, attempt: Attempt) -> Iterator[Attempt]:
         """Rough solutions of one optimum on successively finer meshes."""
         numbers, within = self.task.policy.motion_mesh, self._within(MeshMargins())
-        rough = replace(
-            self.task.sharp(),
-            tolerance=numbers.tolerance,
-            max_iterations=numbers.first_iterations,
-            barrier=numbers.barrier,
-        )
+        verbose = self.task.options.verbose
+        rough = SolverSettings(numbers.tolerance, numbers.first_iterations, verbose, numbers.barrier)
         near = replace(
             rough,
             max_iterations=numbers.iterations,
@@ -114,8 +105,7 @@ class _Meshes:
             knots = _finer(within, one, numbers)
             return knots if self.affordable(knots, numbers.reserve) else one.mesh
 
-        if has_stagewise(self.task):
-            yield from on_finer_meshes(self.task, attempt, mesh(numbers.intervals), numbers, solve, finer)
+        yield from _on_finer_meshes(self.task, attempt, mesh(numbers.intervals), numbers, solve, finer)
 
     def sharp(self, rough: Attempt) -> Attempt:
         """Solve on the mesh of a rough solution; the rough one without convergence or budget."""
@@ -146,10 +136,11 @@ class _Meshes:
     def _sharp(self) -> SolverSettings:
         """Settings from a rough solution, or for a start near a sharp one."""
         numbers = self.task.policy.motion_mesh
-        return replace(
-            self.task.sharp(),
-            max_iterations=numbers.sharp_iterations,
-            barrier=numbers.sharp_barrier,
+        return SolverSettings(
+            numbers.sharp_tolerance,
+            numbers.sharp_iterations,
+            self.task.options.verbose,
+            numbers.sharp_barrier,
             push=numbers.push,
             convex=numbers.convex,
             acceptable=self._acceptable(numbers.least_decrease),
@@ -191,6 +182,37 @@ class _Meshes:
         return replace(margins, velocity=fast).task_within(self.task)
 
 
+def _on_finer_meshes(
+    task: Task,
+    attempt: Attempt,
+    knots: Array,
+    numbers: MotionMeshPolicy,
+    solve: Callable[[Trajectory, Array], Attempt],
+    finer: Callable[[Attempt], Array],
+) -> Iterator[Attempt]:
+    """Solutions of one optimum on successively finer meshes, until one is not usable or no mesh is finer.
+
+    Args:
+        task: the problem and its settings; after a stop the last solution is dropped.
+        attempt: a solution near the first.
+        knots: of the first mesh as parts of the duration, shape (N + 1,).
+        numbers: numbers of meshes and knots, and the tolerance for another optimum.
+        solve: maps a guess and knots to a solution.
+        finer: maps a solution to its knots and further ones.
+    """
+    near = attempt
+    for _ in range(numbers.rounds):
+        found = solve(near.trajectory, knots)
+        slower = found.trajectory.duration > (1 + numbers.slower) * near.trajectory.duration
+        if not found.usable or slower or task.stop:
+            return
+        yield found
+        near, more = found, finer(found)
+        if more.size == knots.size or more.size > numbers.most:
+            return
+        knots = more
+
+
 def _finer(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     """The attempt's knots and further ones; with a larger collocation error if these would be too many."""
     more = _divided(task, attempt, numbers)
@@ -222,7 +244,7 @@ def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     parts = np.maximum(parts, np.maximum(np.sqrt(bow), (gap / numbers.gap) ** 0.2))
     counts = np.where(lengths > numbers.least, np.ceil(np.minimum(parts, numbers.parts)), 1).astype(int)
     more = [_in_parts(knots, counts)]
-    around = task.policy.switch_mesh.shrink * np.array([-0.5, 0.5])
+    around = numbers.shrink * np.array([-0.5, 0.5])
     for k, joint in zip(*np.nonzero(brief & (lengths > numbers.least)[:, None]), strict=True):
         share = (1 + level[k, joint] * np.sign(level[k - 1, joint])) / 2  # part of the interval before the switch
         place = np.clip(share, numbers.margin, 1 - numbers.margin) + around

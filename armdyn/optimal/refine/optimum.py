@@ -6,6 +6,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.costates import Costates
 from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.landing.limit_violations import excesses
@@ -32,6 +33,7 @@ class Optimum:
         intervals: number of intervals of its mesh.
         phases: solved arcs; None: not resolved, with the reason in the certificate.
         costates: costates of an extremal; None: unknown.
+        arcs: arcs, solved or read from a resolved mesh; empty: neither.
         iterations: iterations of IPOPT.
         worst_violation: worst violation of the mesh's solution, if it did not converge.
         reports: reports on the path constraints.
@@ -46,6 +48,7 @@ class Optimum:
     intervals: int
     phases: Phases | None = None
     costates: Costates | None = None
+    arcs: tuple[Arc, ...] = ()
     iterations: int = 0
     worst_violation: Violation | None = None
     reports: ConstraintReports = field(default_factory=ConstraintReports)
@@ -78,8 +81,9 @@ class Optimum:
         motion = replace(replay, name="minimum time")
         certificate = certify(problem, motion, phases, remark)
         certificate = certificate if idle is None else replace(certificate, idle=idle)
+        found: dict[str, Any] = {"costates": phases, "arcs": phases.arcs} if phases else {}
         cost = trajectory_cost(motion, problem.effort_weights())
-        return cls(motion, certificate, cost, intervals, phases, phases, **more)
+        return cls(motion, certificate, cost, intervals, phases, **(found | more))
 
     @property
     def error(self) -> float:

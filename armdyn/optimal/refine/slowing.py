@@ -76,6 +76,7 @@ def _at_pace(task: Task, optimum: Optimum, path: Trajectory, factor: float) -> O
         cost=trajectory_cost(motion, problem.effort_weights()),
         phases=None,
         costates=None,
+        arcs=(),
         reports=TightenedConstraints.of(task).check(problem, motion, passing),
         via_times=tuple(passing.tolist()),
     )

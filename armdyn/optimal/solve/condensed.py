@@ -107,15 +107,17 @@ def has_stagewise(task: Task) -> bool:
 
 
 def solve_on_knots(task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, tie: float = 0.0) -> Attempt:
-    """Solve the condensed program on any mesh, with all limits in the middle of the intervals, too.
+    """Solve on any mesh, with all limits in the middle of the intervals, too: without the stagewise method by IPOPT.
 
     Args:
-        task: the problem and its settings; requires `has_stagewise`.
+        task: the problem and its settings.
         guess: initial guess.
         knots: knots of the mesh as parts of the duration, shape (N + 1,).
         settings: iteration limit, tolerance, verbosity.
         tie: see `Scales.weights`.
     """
+    if not has_stagewise(task):
+        return solve_on_mesh(task, guess, knots.size - 1, settings, knots=knots, tie=tie)
     attempt, _ = _condensed(task, guess, knots, settings, bounded=True, tie=tie)
     return replace(attempt, knots=knots)
 

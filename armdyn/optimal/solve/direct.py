@@ -135,7 +135,12 @@ class MeshNlpData(NlpData):
 
 
 def assemble_mesh(
-    task: Task, guess: Trajectory, intervals: int, constraints: TightenedConstraints | None = None
+    task: Task,
+    guess: Trajectory,
+    intervals: int,
+    constraints: TightenedConstraints | None = None,
+    knots: Array | None = None,
+    tie: float = 0.0,
 ) -> MeshNlpData:
     """Data of the nonlinear program of a mesh, whose equations are those of `with_rows`.
 
@@ -144,12 +149,14 @@ def assemble_mesh(
         guess: initial guess.
         intervals: number of intervals, distributed over the legs between via points.
         constraints: tightened path constraints; None: not tightened.
+        knots: knots of the mesh as parts of the duration, shape (intervals + 1,), without via points; None: equal ones.
+        tie: see `Scales.weights`.
     """
     problem, scales, layout = task.problem, Scales.of(task.problem, guess), Layout(task.dynamics.nv, task.scheme)
     constraints = TightenedConstraints.of(task) if constraints is None else constraints
     legs, rows, values = legs_of(problem, guess, intervals), constraints.rows(problem), constraints.values(problem)
-    fractions = np.concatenate([np.diff(mesh(size)) for size in legs.intervals])
-    weights = scales.weights(problem.effort_weight)
+    fractions = np.concatenate([np.diff(mesh(size) if knots is None else knots) for size in legs.intervals])
+    weights = scales.weights(problem.effort_weight, tie)
     lower, upper = bounds(problem, layout, intervals, scales)
     shares = fractions
     if len(legs.intervals) > 1:
@@ -177,6 +184,8 @@ def solve_on_mesh(
     intervals: int,
     settings: SolverSettings,
     constraints: TightenedConstraints | None = None,
+    knots: Array | None = None,
+    tie: float = 0.0,
 ) -> Attempt:
     """Solve one guess on one mesh.
 
@@ -186,13 +195,15 @@ def solve_on_mesh(
         intervals: number of intervals, distributed over the legs between via points.
         settings: iteration limit, tolerance, verbosity.
         constraints: tightened path constraints; None: not tightened.
+        knots: knots of the mesh as parts of the duration, shape (intervals + 1,), without via points; None: equal ones.
+        tie: see `Scales.weights`.
     """
     if task.stop:
         return Attempt.unbegun(task.stop, guess, intervals)
     problem = task.problem
     constraints = TightenedConstraints.of(task) if constraints is None else constraints
     solver = _solver(task, intervals, settings, constraints.rows(problem))
-    data = assemble_mesh(task, guess, intervals, constraints)
+    data = assemble_mesh(task, guess, intervals, constraints, knots, tie)
     result = solver.solve(data, task.stop)
     x, (lbg, ubg), layout, scales = result.x, data.g_bounds, data.layout, data.scales
     g = solver.equations(x, data.p)
@@ -208,6 +219,7 @@ def solve_on_mesh(
         iterations=result.iterations,
         worst_violation=None if landed else worst_defect(problem, layout, x, beyond, data.fractions, scales),
         passing=np.cumsum(own)[:-1],
+        knots=knots,
     )
 
 

@@ -164,11 +164,6 @@ class Task:
         numbers = self.policy.program
         return self._settings(numbers.fine_tolerance, numbers.fine_barrier, numbers.guess_iterations)
 
-    def sharp(self) -> SolverSettings:
-        """Settings for locating switches on successively finer meshes."""
-        numbers, barrier = self.policy.switch_mesh, self.policy.program.fine_barrier
-        return SolverSettings(numbers.tolerance, numbers.iterations, self.options.verbose, barrier)
-
     def alone(self) -> SolverSettings:
         """Settings for a single guess without a search."""
         return self._settings(self.options.tolerance, SolverSettings.barrier)

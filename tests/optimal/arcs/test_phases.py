@@ -33,10 +33,12 @@ def test_states_are_joined_by_the_tableau_and_pinocchios_dynamics(arm):
     K, stages, n = phases.tau.shape
     a = np.array([pin.aba(*row) for row in zip(*phases.points, strict=True)]).reshape(K, stages, n)
     h = np.diff(phases.t)[:, None]
-    # IPOPT's 1e-10 of the scaled problem, whose speeds are about 10 rad/s.
+    # The states are integrated; the tableau's quadrature errs by 4e-7 over a sixteenth of the motion.
     rise = h * np.einsum("j,kji->ki", TABLEAU.b, phases.points[1].reshape(K, stages, n))
-    np.testing.assert_allclose(np.diff(phases.q, axis=0), rise, atol=1e-8)
-    np.testing.assert_allclose(np.diff(phases.v, axis=0), h * np.einsum("j,kji->ki", TABLEAU.b, a), atol=1e-7)
+    np.testing.assert_allclose(np.diff(phases.q, axis=0), rise, rtol=1e-6, atol=1e-7)
+    np.testing.assert_allclose(
+        np.diff(phases.v, axis=0), h * np.einsum("j,kji->ki", TABLEAU.b, a), rtol=1e-6, atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("arm", ARMS)

@@ -8,8 +8,10 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Arc, Mode
 from armdyn.optimal.arcs.detection import with_overlooked, without_idle_touches, without_vanished
+from armdyn.optimal.arcs.phases import solve_phases
 from armdyn.optimal.task.policy import Policy
-from problems import cart, solve, solved
+from armdyn.optimal.task.task import Task
+from problems import cart, solved
 
 U, L, V = Mode.UPPER, Mode.LOWER, Mode.VELOCITY_UPPER
 
@@ -44,7 +46,11 @@ def test_an_arc_that_has_vanished_goes():
 def test_a_velocity_limit_that_is_not_named_is_overlooked():
     """The cart cruises; with a free torque in its middle, its multipliers still show that a limit holds it."""
     problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0], velocity_limit=0.8)
-    phases = solve(problem).phases
+    t = np.array([0.0, 0.8, 2.5, 3.3])
+    q, v, tau = ([0.0, 0.32, 1.68, 2.0], [0.0, 0.8, 0.8, 0.0], [1.0, 0.0, -1.0, -1.0])
+    guess = ad.Trajectory(t, *(np.array(each)[:, None] for each in (q, v, tau)), problem.robot.joint_names, "known")
+    given = [Arc(0.8, (U,)), Arc(1.7, (V,)), Arc(0.8, (L,))]
+    phases = solve_phases(Task.of(problem, ad.MinimumTimeOptions(compile=False)), given, guess, 24)
     assert modes(phases.arcs) == [(U,), (V,), (L,)]
     unnamed = tuple(replace(arc, modes=(Mode.FREE,)) if arc.modes == (V,) else arc for arc in phases.arcs)
     found = with_overlooked(problem, replace(phases, arcs=unnamed), numbers(problem))

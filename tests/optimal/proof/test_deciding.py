@@ -44,7 +44,7 @@ def test_without_gravity_the_shares_are_those_of_a_change_of_pace(speed):
     shares = solve(luus_problem().variant(velocity_limit=speed)).decides
     parts = {limit: sum(share.part for share in shares if share.limit == limit) for limit in SHARES}
     assert (parts["velocity limit"] > 0.05) == np.isfinite(speed)
-    assert sum(SHARES[limit] * part for limit, part in parts.items()) == pytest.approx(1, rel=1e-6)
+    assert sum(SHARES[limit] * part for limit, part in parts.items()) == pytest.approx(1, rel=1e-5)  # by the mesh
 
 
 def test_a_lopsided_torque_limit_counts_by_both_its_sides():

@@ -19,6 +19,7 @@ from armdyn.optimal.refine.motion_mesh import ResolvedMotions, _Meshes, mesh_opt
 from armdyn.optimal.refine.optimum import trajectory_cost
 from armdyn.optimal.search.candidates import find
 from armdyn.optimal.solve.direct import solve_on_mesh
+from armdyn.optimal.task.options import SolverSettings
 from armdyn.optimal.task.task import Task
 from problems import cart, gantry_problem, miss, paper_arm, paper_problem, solve
 
@@ -151,7 +152,7 @@ def with_effort(problem, near, intervals):
     """A mesh's motion of least time and energy, with torques linear in its intervals; its replay and costates."""
     task = Task.of(problem, ad.MinimumTimeOptions(workers=1))
     linear = replace(task, scheme=replace(task.scheme, control="linear"))
-    motion = landed(task, solve_on_mesh(linear, near, intervals, task.sharp()))
+    motion = landed(task, solve_on_mesh(linear, near, intervals, SolverSettings(1e-9, 100, barrier=1e-4)))
     replay = replay_of(task, motion.trajectory(problem.robot.joint_names))
     assert miss(problem, replay) < 1e-8  # two integrators; rad and rad/s
     return replay, mesh_costates(problem, motion, replay, task.policy)

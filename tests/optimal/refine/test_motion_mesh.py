@@ -100,13 +100,6 @@ def test_a_mesh_that_a_certified_motion_beats_by_far_is_given_up():
     assert task.policy.motion_mesh.work - resolved.left < 100 * (first + second)
 
 
-def test_structures_take_work_off_the_meshes():
-    numbers = task_of().policy.motion_mesh
-    resolved = ResolvedMotions(numbers)
-    resolved.spend((numbers.work - numbers.reserve) / numbers.step + 1)
-    assert resolved.spent
-
-
 @pytest.mark.slow
 def test_a_motion_whose_replay_does_not_land_is_judged_by_its_segments(monkeypatch):
     monkeypatch.setattr(motion_mesh, "replay_of", lambda task, motion: replace(motion, q=motion.q + 1e-3))

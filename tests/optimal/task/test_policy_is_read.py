@@ -14,7 +14,6 @@ import pytest
 
 import armdyn as ad
 from armdyn.models.scene.reaching import frame_placement
-from armdyn.optimal.arcs.arc import Mode
 from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.effort import Effort
 from armdyn.optimal.bound.lower_bound import lower_bound
@@ -28,11 +27,6 @@ from armdyn.optimal.refine.curves import _guesses, curves
 from armdyn.optimal.search.goals import screened
 from armdyn.optimal.search.multistart import in_batches
 from armdyn.optimal.search.starts import spline, via_guesses
-from armdyn.optimal.switching.contacts import Contact
-from armdyn.optimal.switching.extremal.descent import fastest
-from armdyn.optimal.switching.extremal.structure import SwitchingStructure
-from armdyn.optimal.switching.refinement import shooting_problem
-from armdyn.optimal.switching.signs import WrongSign, with_singular
 from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.task import Task
 from armdyn.studies.tasks import minimum_time
@@ -123,6 +117,7 @@ SOLVES = {
         [("arcs", {"samples": 12}), ("smooth", {"fine": 6, "rough": 1e-9})],
         starts=1,
     ),
+    "time and energy with friction": lambda: noted(between("r", rubbing("r"), effort_weight=1.0), starts=1),
     "a fine mesh for time and energy": lambda: noted(
         between("rr", effort_weight=1.0, effort_limit=30.0), [("smooth", {"settled": 1e-12})], starts=2
     ),
@@ -138,18 +133,16 @@ SOLVES = {
         between("rr", velocity_limit=8.0),
         [
             ARCS,
-            ("switching", {"rounds": 0}),
-            ("refinement", {"budget": 20_000}),
             ("motion_mesh", {"rounds": 0}),
         ],
         starts=1,
     ),
     "arcs that are not resolved": lambda: noted(
-        between("rr", **INSIDE), [("switching", {"rounds": 0}), ("motion_mesh", {"rounds": 1, "most": 1})], starts=2
+        between("rr", **INSIDE), [("motion_mesh", {"rounds": 1, "most": 1})], starts=2
     ),
     "meshes that do not converge, and one that is divided": lambda: noted(
         between("rr", velocity_limit=20.0),
-        [ARCS, ("switching", {"rounds": 0}), ("motion_mesh", {"iterations": 1, "rounds": 2, "nearly_certified": 1.0})],
+        [ARCS, ("motion_mesh", {"iterations": 1, "rounds": 2, "nearly_certified": 1.0})],
         starts=1,
     ),
     "in flight": lambda: noted(between("r", velocity_limit=3.0, v_start=[3.0], acceleration_limit=100.0), starts=1),
@@ -168,13 +161,10 @@ SOLVES = {
     "three joints": lambda: noted(random_problem(2), starts=3),
     "a contact": lambda: noted(random_problem(5), starts=3),
     "changes of optima": lambda: noted(paper_problem("rrr", 0.1505), starts=16),
-    "contacts": lambda: noted(random_problem(53), starts=40),
-    "contacts that are too weak": lambda: noted(random_problem(68), starts=40),
-    "an extremal that is as flat as can be": lambda: noted(between("rr"), [("descent", {"flat": 0.0})], starts=1),
     "a search that is done again": lambda: noted(between("rr"), [("search", {"too_coarse": 0.5})], starts=2),
     "a search at a velocity limit that is done again": lambda: noted(
         between("rr", velocity_limit=8.0),
-        [ARCS, ("search", {"too_coarse": 0.5}), ("switching", {"rounds": 0})],
+        [ARCS, ("search", {"too_coarse": 0.5})],
         starts=2,
     ),
     "a ball in the way, with steps that are not taken at once": lambda: noted(
@@ -188,13 +178,6 @@ SOLVES = {
     ),
 }
 """Tasks of a fraction of a second to two seconds."""
-
-
-def a_contact_that_begins_with_a_pull():
-    contact = Contact(
-        np.linspace(0, 1, 5), np.zeros(5), np.ones(5), np.array([-1.0, 0.0]), noted(between("rr")).policy.contacts
-    )
-    assert contact.unwilling(1.0) == (0.0, contact.numbers.end)
 
 
 def guesses_round_a_ball():
@@ -266,15 +249,6 @@ def guesses_for_two_workers():
     list(in_batches([], noted(between("rrr")).with_options(workers=2)))
 
 
-def a_torque_that_hovers():
-    task = noted(between("rr"))
-    solution = solve_task(task)
-    structure = SwitchingStructure.of(solution.phases.arcs, solution.phases.torques)
-    found, _ = fastest(shooting_problem(task, solution.trajectory), structure)
-    change, time = found.structure.changes[0], float(found.structure.times[0])
-    with_singular(found, [WrongSign(1e-3, change.joint, Mode.UPPER, time, time, time)])
-
-
 class Neighbours:
     """The problems of a study whose cases are all the same."""
 
@@ -283,9 +257,11 @@ class Neighbours:
 
 
 def costates_whose_segments_are_halved():
-    task = noted(between("r"), [("adjoint", {"levels": 1})])
-    solution = solve_task(task)
-    adjoint_error(solution.problem.robot, solution.trajectory, solution.phases, task.policy.adjoint)
+    solution, numbers = (
+        solve_task(noted(between("r"))),
+        noted(between("r"), [("adjoint", {"levels": 1})]).policy.adjoint,
+    )
+    adjoint_error(solution.problem.robot, solution.trajectory, solution.phases, numbers)
 
 
 def a_neighbour_of_a_study():
@@ -318,7 +294,6 @@ def motions_from_moving_states():
 
 CALLS = (
     motions_from_moving_states,
-    a_contact_that_begins_with_a_pull,
     guesses_round_a_ball,
     constraints_that_are_tightened,
     bounds_of_a_pose,
@@ -329,7 +304,6 @@ CALLS = (
     a_curve_after_an_interrupt,
     curves_that_do_not_converge,
     guesses_for_two_workers,
-    a_torque_that_hovers,
     costates_whose_segments_are_halved,
     a_neighbour_of_a_study,
 )
@@ -372,19 +346,15 @@ def test_every_number_is_read_from_the_task_s_policy(read):
 
 CHANGED = {
     "switching times": {
-        "descent": {"closed": 1e-10},
+        "polish": {"segments": 8, "steps": 4, "precise": 1e-2},
         "program": {
             "coarse_barriers": (2e-3, 2e-2),
             "coarse_tolerance": 1e-6,
             "condensed": False,
             "fine_barrier": 1e-5,
         },
-        "rollout": {"per_interval": 1},
         "adjoint": {"precise": 1e-12},
         "search": {"guess_duration": 0.5, "starts": 3, "meshes": (30, 50)},
-    },
-    "friction": {
-        "arcs": {"in_layers": 0.05, "layer_reach": 0.3, "layer_samples": 2000},
     },
     "a fine mesh for time and energy": {"arcs": {"least_density": 1.5}},
     "velocity limits on a rail": {
@@ -392,7 +362,6 @@ CHANGED = {
         "bound": {"growth": 2.0, "passes": 1, "shortest": 1e-3},
     },
     "three joints": {
-        "descent": {"difference": 1e-6, "flat": 1e-5, "radius": 3e-3, "states": 0.01, "state_step": 0.03},
         "same": {"distance": 3.0, "coarse": 0.02},
         "search": {
             "least_spread": 0.2,
@@ -404,9 +373,7 @@ CHANGED = {
         },
     },
     "a contact": {
-        "arcs": {"in_contact": 0.05, "on_interval": 4},
-        "descent": {"near": 1e-4, "time_step": 0.01},
-        "refinement": {"coarse_budget": 4000, "hamiltonian_tolerance": 1e-7},
+        "arcs": {"in_contact": 0.05},
     },
 }
 """Numbers by their groups that change the result of a solve of `SOLVES`, or its way."""

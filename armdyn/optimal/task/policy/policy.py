@@ -13,22 +13,15 @@ from armdyn.optimal.task.policy.bound import BoundPolicy
 from armdyn.optimal.task.policy.curves import TRAINED, CurvePolicy, SequentialPolicy
 from armdyn.optimal.task.policy.landing import LandingPolicy, PathConstraintPolicy, ShootingPolicy
 from armdyn.optimal.task.policy.live import LivePolicy
+from armdyn.optimal.task.policy.polish import PolishPolicy
 from armdyn.optimal.task.policy.refinement import (
     AdjointPolicy,
     ArcsPolicy,
     MotionMeshPolicy,
     RefinementPolicy,
     SmoothPolicy,
-    SwitchMeshPolicy,
 )
 from armdyn.optimal.task.policy.search import GoalPolicy, ProgramPolicy, SamePolicy, SearchPolicy
-from armdyn.optimal.task.policy.switching import (
-    ContactPolicy,
-    DescentPolicy,
-    RolloutPolicy,
-    SingularPolicy,
-    SwitchingPolicy,
-)
 from armdyn.optimal.task.policy.tuned import by_kind, rows
 from armdyn.optimal.task.tableau import Scheme
 
@@ -93,14 +86,9 @@ class Policy:
         goals: choice among many goals, and the descent of an end along a pose.
         same: tolerances within which two durations belong to one optimum.
         refinement: refinement of a mesh's optimum.
-        switch_mesh: mesh refinement at the switches, before arcs are detected.
         motion_mesh: mesh refinement until the motion is resolved.
         arcs: detection, meshes and solution of arcs.
-        switching: correction of a switching structure.
-        rollout: integration of a switching structure's arcs.
-        descent: optimisation of the switching times.
-        contacts: correction of contacts with state limits.
-        singular: insertion and initial guess of singular arcs.
+        polish: exact switching times of a mesh's bang arcs.
         landing: terminal correction of a mesh's torques.
         shooting: multiple shooting, and costates along its motion.
         adjoint: integration of the adjoint equations.
@@ -119,14 +107,9 @@ class Policy:
     goals: GoalPolicy = field(default_factory=GoalPolicy)
     same: SamePolicy = field(default_factory=SamePolicy)
     refinement: RefinementPolicy
-    switch_mesh: SwitchMeshPolicy = field(default_factory=SwitchMeshPolicy)
     motion_mesh: MotionMeshPolicy = field(default_factory=MotionMeshPolicy)
     arcs: ArcsPolicy = field(default_factory=ArcsPolicy)
-    switching: SwitchingPolicy = field(default_factory=SwitchingPolicy)
-    rollout: RolloutPolicy = field(default_factory=RolloutPolicy)
-    descent: DescentPolicy = field(default_factory=DescentPolicy)
-    contacts: ContactPolicy = field(default_factory=ContactPolicy)
-    singular: SingularPolicy = field(default_factory=SingularPolicy)
+    polish: PolishPolicy = field(default_factory=PolishPolicy)
     landing: LandingPolicy = field(default_factory=LandingPolicy)
     shooting: ShootingPolicy = field(default_factory=ShootingPolicy)
     adjoint: AdjointPolicy = field(default_factory=AdjointPolicy)
@@ -169,12 +152,7 @@ class Policy:
                 side_by_side=joints > 2 or (joints > 1 and (has_constraints or problem.pays_effort)),
                 repeats=joints > 1,
             ),
-            refinement=RefinementPolicy(
-                extremal_is_enough=joints > 2,
-                lists_slower=joints > 1,
-                budget=150_000 if joints > 2 else 180_000,
-                switch_budget_at_speed=0 if joints > 2 else 18_000,
-            ),
+            refinement=RefinementPolicy(lists_slower=joints > 1),
             smooth=SmoothPolicy(starts=_by_joints(joints, 2, 16, 24), refined=10 if joints == 2 else 6),
             curves=CurvePolicy(
                 cruises=speed_limited,

@@ -12,41 +12,15 @@ class RefinementPolicy:
 
     cases: ClassVar = PLANAR
 
-    extremal_is_enough: bool = by_kind(
-        "-",
-        "beyond two joints arcs with H = 0 are not refined: a finer mesh corrects no wrong sign",
-        "RRR, ten payloads",
-    )
     lists_slower: bool = by_kind(
         "-", "beyond one joint an optimum slower than a certified one is only listed", "RR, RRR"
     )
-    budget: int = by_kind(
-        "integrator steps",
-        "of all optima's arcs together: two thirds of the rest go to each in turn; spent in about 3 s of one core",
-        "RR, RRR and random arms (poses within ±π)",
-    )
-    coarse_budget: int = tuned(
-        8_000, "integrator steps", "from a mesh of equal intervals: most need 4000", "RR, RRR, random pairs"
-    )
-    switch_budget: int = tuned(
-        18_000, "integrator steps", "from a mesh refined at its switches", "RR, RRR, random pairs"
-    )
-    switch_budget_at_speed: int = by_kind(
-        "integrator steps",
-        "for motions that reach velocity limits; 0: their mesh is not refined at the switches, the motion is "
-        "resolved at once. With three joints 0 of 17 structures converged there, with two 3 of 14",
-        "random arms",
-    )
-    landed_of: int = tuned(4, "motions", "of one optimum that are corrected at the goal, until one lands", "RRR")
     error_factor: float = tuned(
         5.0, "-", "times the error of the certified one's mesh, that an optimum may be slower", "RRR, ten payloads"
     )
     slower: float = tuned(1.02, "of a certified duration", "largest such excess", "RRR, ten payloads")
     most_intervals: int = tuned(100, "intervals", "of the finest mesh of arcs")
     most_per_arc: int = tuned(12, "intervals", "the same for each arc: 17 arcs need more than 100", "RRR, random pairs")
-    blur: int = tuned(
-        20, "-", "a torque off its limits for less than this part of a fine mesh is switching", "RRR 1 kg"
-    )
     corrections: int = tuned(8, "rounds", "of terminal corrections of arcs")
     landed: float = tuned(1e-8, "rad or m", "goal error at which a replay has landed: the certificate's / 100")
     hamiltonian_tolerance: float = tuned(
@@ -54,26 +28,7 @@ class RefinementPolicy:
     )
     slowing: int = tuned(6, "rounds", "of slowing a motion down to all limits; most take one or two", LARGE)
     path_error: float = tuned(1e-7, "rad or m", "distance from the path's end: a tenth of the goal's tolerance", LARGE)
-    most_samples: int = tuned(2000, "samples", "of a replay for the check of segments: six times the usual most")
     slow_samples: int = tuned(1000, "samples", "of a motion that is slowed down or checked", "RR")
-
-
-@dataclass(frozen=True, kw_only=True)
-class SwitchMeshPolicy:
-    """Tuned numbers of mesh refinement at the switches."""
-
-    cases: ClassVar = "RRR, random pairs"
-
-    intervals: int = tuned(80, "intervals", "of the first mesh, at least")
-    most: int = tuned(400, "knots", "with more the torque chatters")
-    rounds: int = tuned(4, "meshes", "the last one's switches are located to 1e-6 of the duration")
-    shrink: float = tuned(0.1, "of an interval", "distance of the knots around a switch")
-    margin: float = tuned(0.02, "of an interval", "distance from the other knots, at least")
-    least: float = tuned(1e-5, "of the duration", "a shorter interval is not divided")
-    beyond: float = tuned(3e-7, "of a joint's range", "a knot is inserted where a position limit is exceeded by more")
-    tolerance: float = tuned(1e-9, "scaled", "of a solution: times are then right to the interval")
-    iterations: int = tuned(100, "iterations", "at most: most take 30")
-    slower: float = tuned(1e-2, "of the duration", "a solution slower by more is another optimum", "RRR")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,6 +70,7 @@ class MotionMeshPolicy:
         "becomes 1 % slower",
         "random arms (RRR)",
     )
+    sharp_tolerance: float = tuned(1e-9, "scaled", "of the last mesh", "RRR, random pairs")
     sharp_barrier: float = tuned(1e-9, "scaled", "the same on the last", "random arms (RRR)")
     push: float = tuned(1e-5, "of the range", "least distance of the start from bounds", "random arms (RRR)")
     convex: float = tuned(
@@ -147,7 +103,7 @@ class MotionMeshPolicy:
     gap: float = tuned(1e-9, "of a joint's way or speed", "error of collocation in an interval: its gradient's is 1e-5")
     coarse_gap: float = tuned(1e-8, "of a joint's way or speed", "the same where there would be too many knots")
     least: float = tuned(4e-6, "of the duration", "a shorter interval is not divided")
-    inside: float = tuned(5e-6, "of a velocity limit", "reserve: excess between an interval's middle and its ends")
+    inside: float = tuned(5e-7, "of a velocity limit", "reserve: excess between an interval's middle and its ends")
     kept: tuple[float, ...] = tuned(
         (3e-5, 3e-4, 3e-3),
         "of a torque limit",
@@ -172,9 +128,6 @@ class MotionMeshPolicy:
         "intervals",
         "times iterations of all meshes of a problem, and its structures: 5 CPU s with three joints",
         "random arms (RRR)",
-    )
-    step: float = tuned(
-        6.0, "intervals", "times iterations that cost as much as an integrator step", "random arms (RRR)"
     )
     unsettled: float = tuned(
         2e-5,
@@ -209,6 +162,7 @@ class MotionMeshPolicy:
     nearly_certified: float = tuned(
         4e-4, "-", "saving, or excess over a limit, beyond which no mesh is divided", "random arms (RRR)"
     )
+    shrink: float = tuned(0.1, "of an interval", "distance of the knots around a switch", "RRR, random pairs")
     margin: float = tuned(0.07, "of an interval", "a switch nearer to its end is moved away")
 
 
@@ -226,10 +180,10 @@ class ArcsPolicy:
     in_contact: float = tuned(5e-3, "of a joint's way", "the same for a held position", "RRR, ten payloads")
     switch: int = tuned(2, "intervals", "in a row off all limits are a switch; more are an arc")
     brief: float = tuned(
-        1e-3,
+        5e-3,
         "of the duration",
-        "likewise, however many intervals of a mesh refined at the switches",
-        "RRR, random pairs",
+        "likewise, however many intervals of a resolved mesh, which is divided around a switch",
+        "RRR, ten payloads",
     )
     refined: float = tuned(2e-5, "of a joint's way", "`touching` and `in_contact` on such a mesh", "RRR, random pairs")
     refined_speed: float = tuned(2e-3, "of a limit", "`near_speed` on such a mesh", "random arms (RR, seeds 1 and 9)")

@@ -1,8 +1,10 @@
-"""From a mesh's solution to arcs, or to the motion of a resolved mesh."""
+"""From a mesh's solution to exact arcs, or to the motion of a resolved mesh."""
 
+import numpy as np
 import pytest
 
 import armdyn as ad
+from problems import paper_problem, random_problem
 
 WRONG_SIGN = (
     (
@@ -65,5 +67,47 @@ STARTS = 16
 def test_arcs_that_are_not_certified_give_way_to_a_resolved_mesh(links, payload, given):
     robot = ad.Robot.from_spec(ad.ArmSpec(name="rrr", links=links), ad.Payload(mass=payload))
     solution = ad.solve_minimum_time(ad.MinimumTimeProblem(robot, **given), ad.MinimumTimeOptions(starts=STARTS))
-    assert solution.certified and not solution.arcs
+    assert solution.certified and solution.phases is None
     assert solution.certificate.saving < 1e-5  # of the duration
+
+
+SINGULAR = random_problem(35, position_limit=(-np.inf, np.inf))
+NEAR_A_LIMIT = ad.MinimumTimeProblem(
+    ad.Robot.from_spec(ad.ArmSpec.paper("rrr"), ad.Payload(mass=0.16545153616794545)),
+    q_start=(-0.5502782980754111, -1.1850936601934012, 3.140660667507336),
+    q_goal=(-0.23464747070748926, 0.03015400417049108, 0.5901285518949932),
+)
+"""Equal intervals show a contact from the start on; it begins after a tenth of the duration."""
+HELD_BY_ANOTHER = ad.MinimumTimeProblem(
+    ad.Robot.from_spec(ad.ArmSpec.paper("rrr"), ad.Payload(mass=0.2685543656666321)),
+    q_start=[1.3538952218800082, -2.962781719364377, 0.5902218077250847],
+    q_goal=[0.2689775131611496, -2.8568124099531347, 1.4650162520040144],
+)
+BESIDE_A_LIMIT = ad.MinimumTimeProblem(
+    ad.Robot.from_spec(ad.ArmSpec.paper("rr"), ad.Payload(mass=0.1)),
+    q_start=[-0.5136696604371498, 2.8241964993549318],
+    q_goal=[1.0571266663392307, 2.8241964993546724],
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("problem", "duration"),
+    [
+        pytest.param(SINGULAR, 0.26497054, id="a singular arc"),
+        pytest.param(NEAR_A_LIMIT, 0.193014352, id="a start near a position limit"),
+        pytest.param(random_problem(5), None, id="two touches"),
+        pytest.param(random_problem(53), None, id="a contact of 22 ms"),
+        pytest.param(random_problem(68), None, id="a contact that takes more torque than there is"),
+        pytest.param(paper_problem("rrr", 0.1505), None, id="a bounce"),
+        pytest.param(HELD_BY_ANOTHER, None, id="a contact that another joint holds"),
+        pytest.param(BESIDE_A_LIMIT, None, id="torque that presses beyond a limit"),
+    ],
+)
+def test_limits_of_the_state_and_singular_arcs_are_answered_by_the_resolved_mesh(problem, duration):
+    # The durations are the best that any search has found, by exact switching times; the mesh adds up to 1e-6.
+    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(bound=False))
+    assert solution.certified
+    assert sum(arc.duration for arc in solution.arcs) == pytest.approx(solution.duration, rel=1e-9)
+    if duration is not None:
+        assert solution.duration == pytest.approx(duration, rel=2e-6)

@@ -1,0 +1,1 @@
+"""From a mesh's motion to exact switching times, where every torque is on a limit."""

@@ -1,1 +1,0 @@
-"""Switching structures: extremals by shooting, and corrections of the structure by the costates."""

@@ -1,1 +1,0 @@
-"""Extremals: switching structures, integrated and optimised in their switching times."""
