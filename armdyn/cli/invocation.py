@@ -37,6 +37,7 @@ _PHRASES = {
     "ad.lower_bound(problem)": "armdyn bound",
     "np.deg2rad(…)": "--degrees",
     "{'JOINT': NUMBER}": "JOINT=NUMBER",
+    "MinimumTimeProblem(…, kinematic=True)": "armdyn mintime --kinematic",
     "FrameSpeedLimit": "--limit tip-speed",
     "RmsTorque": "--limit rms-torque",
     "TorqueRateLimit": "--limit torque-rate",

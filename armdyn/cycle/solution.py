@@ -7,6 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial, reduce
 
+import numpy as np
+
 from armdyn.arrays import Array
 from armdyn.cycle.cycle import Cycle, Leg, RestPlace
 from armdyn.cycle.steps import Grasp, Move, Release
@@ -61,7 +63,8 @@ def _dwells(cycle: Cycle, stop: RestPlace, q: Array, least: float = 0.0) -> Iter
             continue
         event = "grasp" if isinstance(step, Grasp) else "release" if isinstance(step, Release) else event or "wait"
         if dwell := max(step.dwell, least):
-            still = Trajectory.at_rest(q, arm.holding_torque(q), dwell, arm.joint_names, model_hash=arm.model_hash)
+            torque = np.zeros_like(q) if cycle.conditions.get("kinematic") else arm.holding_torque(q)
+            still = Trajectory.at_rest(q, torque, dwell, arm.joint_names, model_hash=arm.model_hash)
             yield event, still.as_piece(name=cycle.name_of(k), load=load_of(arm), event=event)
             event = ""
     yield event if event != "wait" else "", None
@@ -129,6 +132,8 @@ class CycleSolution:
             parts.append(f"It is not executable: {self.message}.")
         elif self.gap is not None:
             parts.append(f"It is {gap_words(self.gap)}.")
+        if self.cycle.conditions.get("kinematic"):
+            parts.append("Torques are left out.")
         if most := self.decides[:_MOST_LIMITS]:
             parts.append(f"Its time is decided by {', '.join(f'{what} ({100 * part:.3g} %)' for what, part in most)}.")
         if self.lower_bound is not None:

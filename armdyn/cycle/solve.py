@@ -17,7 +17,7 @@ from armdyn.cycle.solution import CycleLeg, CycleSolution
 from armdyn.cycle.stops import turns
 from armdyn.errors import CycleError
 from armdyn.models.scene.reaching import GoalPose
-from armdyn.optimal.answer.assembly import ended_by_time
+from armdyn.optimal.answer.assembly import ended_by_time, kinematic
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.effort import Effort
@@ -134,8 +134,11 @@ def _solve(
     """Solve edges, in parallel where there are several, given the lower bounds of some of them [s]."""
     posed = [(edge, problem) for edge in edges if (problem := graph.problem(edge)) is not None]
     left, alone = max(stop.deadline - time.perf_counter(), 1e-3), report if len(posed) == 1 else None
-    jobs = [partial(_solved, Task.of(problem, options, stop, alone), bounds.get(edge), left) for edge, problem in posed]
-    for (edge, _), solution in zip(posed, in_processes(jobs, options.workers), strict=True):
+    plain = [problem.without_torques() if problem.kinematic else problem for _, problem in posed]
+    tasks = [Task.of(problem, options, stop, alone) for problem in plain]
+    jobs = [partial(_solved, task, bounds.get(edge), left) for task, (edge, _) in zip(tasks, posed, strict=True)]
+    for (edge, problem), solution in zip(posed, in_processes(jobs, options.workers), strict=True):
+        solution = kinematic(problem, solution) if problem.kinematic else solution
         if solution.status is Status.INTERRUPTED and not solution.usable:
             continue  # its status is not the edge's
         leg, (_, _, i, j) = graph.cycle.moves[edge[1]], edge

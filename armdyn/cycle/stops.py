@@ -105,11 +105,13 @@ def with_slid(
 
 
 def _held(cycle: Cycle, stop: RestPlace, positions: tuple[Array, ...], limits: JointLimits) -> tuple[Array, ...]:
-    """Joint positions at which the motors hold the arm with everything that it carries at the stop.
+    """Joint positions at which the motors hold the arm with all that it carries at the stop; without torques all.
 
     Raises:
         CycleError: no branch can be held.
     """
+    if cycle.conditions.get("kinematic"):
+        return positions
     names = cycle.robot.joint_names
     kept = Reserve.of(cycle.conditions.get("reserve", 0.0), 0.0, names)
     idle, held, worst = cycle.conditions.get("passive", ()), [], None

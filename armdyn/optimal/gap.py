@@ -241,8 +241,10 @@ def time_optimality(
     Raises:
         TrajectoryError: the trajectory is one of another robot, or its payload changes.
         ProblemError: an end state is outside the limits, or both are the same.
+        UrdfError: the arm's torques are unknown, see `Robot.expect_dynamics`.
     """
     _check_joints(robot, trajectory)
+    robot.expect_dynamics()
     if len(set(map(id, robots_of(robot, trajectory)))) > 1:
         raise TrajectoryError(
             f"the payload changes along the motion of {len(trajectory.pieces)} pieces, and the fastest motion has one: "

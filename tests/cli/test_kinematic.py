@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
+from armdyn.errors import UrdfError
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.joints import joint_section
 from armdyn.show.page.motions import ShownMotion, Subject, motions_data
@@ -91,3 +92,55 @@ def test_pages_say_that_torques_are_unknown(folder):
     torques, speeds = (np.frombuffer(base64.b64decode(move[name]), "<f4") for name in ("tau", "v"))
     assert np.all(np.isnan(torques)) and np.all(np.isfinite(speeds))
     assert str(joint_section(shown, subject).body).count("unknown") == 3
+
+
+@pytest.mark.slow
+def test_a_cycle_is_planned_without_torques(folder):
+    """It was refused, since the motors were to hold the arm at its stops."""
+    steps = "".join(
+        f'[[steps]]\n{step}\n'
+        for step in ('move = "a"\nto = [1, 0.5, -0.5]', 'grasp = "bar"', 'move = "b"\nto = [0.2, 0.5, -0.5]',
+                     'release = "bar"', "wait = 0.2")
+    )  # fmt: skip
+    conditions = "kinematic = true\nacceleration_limit = 5"
+    head = (
+        f'[robot]\nname = "arm.urdf"\n[cycle]\nstart = [0, 0, 0]\nclosed = true\n{conditions}\n[parts.bar]\nmass = 1\n'
+    )
+    (folder / "cell.toml").write_text(head + steps)
+    data = run_json("cycle", "cell.toml", "--format", "ros2", "--out", "c", cwd=folder)
+    ways = (1.0, 0.8, np.hypot(0, 0.5))  # of the slowest joint of each move; 2 sqrt(way / a) each, and the rest
+    assert data["usable"] and data["duration"] == pytest.approx(sum(2 * np.sqrt(w / 5) for w in ways) + 0.2, rel=1e-6)
+    assert "Torques are left out." in data["assessment"]
+    assert not np.any(ad.Trajectory.load(folder / "c/trajectory.npz").tau)
+
+
+def test_the_comparison_says_that_there_are_no_torques(folder):
+    """It said 0 J and 0 %."""
+    for limit in ("5", "4"):
+        run_json("mintime", "arm.urdf", *POSES, "--kinematic", "--acceleration-limit", limit, "--no-figure",
+                 "--no-report", "--out", limit, cwd=folder)  # fmt: skip
+    for row in run_json("compare", "5", "4", "--out", "c", cwd=folder)["motions"]:
+        assert row["work"] is None and row["torque"] is None and row["speed"] > 0
+    said = run_here("compare", "5", "4", "--out", "d", cwd=folder).stdout
+    assert said.count("no torques") == 2 and " J " not in said
+    assert "no torques" in (folder / "d/report.html").read_text()
+
+
+@pytest.mark.parametrize("command", [["track"], ["pid"], ["bound"], ["mintime"], ["optimality", "m.npz"]])
+def test_what_needs_torques_says_what_works(command, folder):
+    t = np.linspace(0, 1, 11)
+    way = np.outer(t**2 * (3 - 2 * t), [1.0, 0.5, -0.5])
+    ad.Trajectory(t, way, np.gradient(way, t, axis=0), 0 * way).save(folder / "m.npz")
+    poses = () if command[0] == "optimality" else POSES
+    message = run_json(command[0], "arm.urdf", *command[1:], *poses, code=2, cwd=folder)["message"]
+    assert "links without mass: a, b, c." in message and "armdyn doctor arm.urdf --repair --density 2700" in message
+    assert message.endswith("Replay, compare, check and armdyn mintime --kinematic need no torques")
+
+
+def test_the_live_resolver_and_the_reserve_say_what_works(folder):
+    robot = ad.Robot.from_urdf(folder / "arm.urdf")
+    with pytest.raises(UrdfError, match=r"MinimumTimeProblem\(…, kinematic=True\) need no torques"):
+        ad.Resolver(robot).solve([0, 0, 0], [0, 0, 0], [1, 0.5, -0.5])
+    given = "--kinematic", "--acceleration-limit", "5", "--for-tracking"
+    message = run_json("mintime", "arm.urdf", *POSES, *given, code=2, cwd=folder)["message"]
+    assert message == "--for-tracking chooses the torque reserve: leave out --kinematic"

@@ -258,6 +258,8 @@ def _words(solution: ad.CycleSolution, summary: dict[str, Any]) -> dict[str, str
         words["verdict"] = f"executable, {gap_words(solution.gap)}"
     else:
         words["verdict"] = "executable; no bound is known" if solution.usable else "not executable"
+    if solution.cycle.conditions.get("kinematic"):
+        words["verdict"] += "; torques are left out"
     if solution.lower_bound is not None:
         words["lower bound"] = f"no cycle through these steps takes less than {solution.lower_bound:.6f} s"
     if summary["order"] != sorted(summary["order"]):

@@ -108,8 +108,9 @@ class SearchOptions(CurveOptions):
         """
         if not self.for_tracking:
             return ad.solve_minimum_time(problem, options, progress), None
-        if any(problem.reserves.effort):
-            raise ProblemError("--for-tracking chooses the reserve: leave out --reserve")
+        if problem.kinematic or any(problem.reserves.effort):
+            other = "--kinematic" if problem.kinematic else "--reserve"
+            raise ProblemError(f"--for-tracking chooses the torque reserve: leave out {other}")
         from armdyn.studies.reserve import FINE_RESERVES
 
         arms = likely()

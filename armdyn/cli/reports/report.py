@@ -173,7 +173,7 @@ def _table(title: str, rows: Sequence[Compared]) -> Shown:
             row.name,
             _arrival(row),
             "-" if k == 0 or row.later is None else f"{100 * row.later:+.1f} %",
-            f"{row.work:.4g} J",
+            "no torques" if row.work is None else f"{row.work:.4g} J",
             *("-" if part is None else f"{100 * part:.3g} %" for part in (row.speed, row.torque)),
             row.verdict,
         )

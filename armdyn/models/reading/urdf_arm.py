@@ -132,8 +132,8 @@ def check_inertia(model: pin.Model, source: str) -> None:
     what += f"; links without mass: {links}" if links else ""
     remedy = (
         "Torques are unknown without it: write it into the file, give `inertias` or `armature`, or estimate it from "
-        f"shapes ({repair_call(source, ', density=2700')}) and measure it (armdyn identify). Minimum time without "
-        "torques: `kinematic`"
+        f"shapes ({repair_call(source, ', density=2700')}) and measure it (armdyn identify). Replay, compare, check "
+        "and MinimumTimeProblem(…, kinematic=True) need no torques"
     )
     raise UrdfError(source, f"{what}. {remedy}", f"joint {clipped(model.names[1 + joint])!r}")
 

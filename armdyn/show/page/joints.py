@@ -63,9 +63,9 @@ class Compared:
         duration: of the recorded motion [s].
         there: time of arrival at the goal, by the motion's own rule [s]; None: it does not arrive.
         later: delay of the arrival against the first motion's, as a part of that; None if one does not arrive.
-        work: see `mechanical_work` [J].
+        work: see `mechanical_work` [J]; None of a motion without torques.
         speed: the most that a joint takes of its velocity limit; None without one.
-        torque: likewise of torque limits.
+        torque: likewise of torque limits; None of a motion without torques, too.
         verdict: in a few words.
     """
 
@@ -73,7 +73,7 @@ class Compared:
     duration: float
     there: float | None
     later: float | None
-    work: float
+    work: float | None
     speed: float | None
     torque: float | None
     verdict: str
@@ -91,9 +91,9 @@ def compared(moves: Sequence[ShownMotion], limits: JointLimits) -> list[Compared
                 duration=move.motion.duration,
                 there=there,
                 later=None if there is None or not first else there / first - 1,
-                work=mechanical_work(move.motion),
+                work=mechanical_work(move.motion) if np.any(tau) else None,
                 speed=move.facts.number("velocity_share") or most_used(v, -limits.velocity, limits.velocity),
-                torque=most_used(tau, *limits.actuators.range(q, v)),
+                torque=most_used(tau, *limits.actuators.range(q, v)) if np.any(tau) else None,
                 verdict=re.sub(" after [^,]*", "", verdict_of(move.facts).headline),  # the time is in a column
             )
         )
@@ -139,7 +139,8 @@ def comparison_section(rows: Sequence[Compared]) -> Section | None:
     body = []
     for k, one in enumerate(rows):
         times = [seconds(one.there), "–" if k == 0 else _later(one), seconds(one.duration)]
-        body.append([one.name, *times, f"{one.work:.4g} J", _share(one.speed), _share(one.torque), one.verdict])
+        work = "no torques" if one.work is None else f"{one.work:.4g} J"
+        body.append([one.name, *times, work, _share(one.speed), _share(one.torque), one.verdict])
     note = (
         "Arrival: time at which the goal is reached; a closed loop has arrived when it stays there, by its own rule. "
         "Work is ∫ Σ |τ q̇| dt. Peak speed and torque: the largest share of a joint's limit that is used."
