@@ -140,8 +140,7 @@ def _estimate(robot: Robot, systems: list[_System], options: IdentifyOptions, si
             first.setdefault(one.joint, one)
         words = {one: f"joint {robot.joint_names[j]}: {one.words}" for j, one in first.items()}
         unfit = "; ".join(said for one, said in words.items() if one.unfit)
-        estimate = assembled(robot, best.equations, found, covariance)
-        return replace(estimate, unfit=unfit, warnings=tuple(words.values()))
+        return replace(assembled(robot, best.equations, found, covariance), unfit=unfit, warnings=tuple(words.values()))
     except np.linalg.LinAlgError:  # unknowns next to the border of physical bodies, a thousand times the prior
         raise LogError(f"the logs cannot be fitted: {_FAR}") from None
 
@@ -266,13 +265,11 @@ def _best(systems: list[_System]) -> _System:
         return systems[0]
     options = FitOptions(weights=FitOptions().weights[:1], rounds=2)  # a larger weight of the prior errs like a width
     fits = [one.fit(options) for one in systems]
-    noise, losses = np.min([one.noise for one in fits], axis=0), []
-    for one, found in zip(systems, fits, strict=True):
-        columns, torque = one.joined
-        scaled = np.abs(torque - columns @ found.x) / noise
-        clipped = np.minimum(scaled, options.huber)
-        losses.append(np.sum(clipped * (scaled - clipped / 2), axis=0))
-    loss = np.array(losses)
+    joined = [one.joined for one in systems]
+    residual = np.array([torque - columns @ one.x for (columns, torque), one in zip(joined, fits, strict=True)])
+    scaled = np.abs(residual) / np.min([one.noise for one in fits], axis=0)
+    clipped = np.minimum(scaled, options.huber)
+    loss = np.sum(clipped * (scaled - clipped / 2), axis=1)
     common = int(np.argmin(np.sum(loss, axis=1)))
     better = loss[common] - np.min(loss, axis=0) > np.log(loss.size / FALSE_ALARMS)
     return _joined([systems[k] for k in np.where(better, np.argmin(loss, axis=0), common)])

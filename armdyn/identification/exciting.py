@@ -209,9 +209,8 @@ class _Search:
 
     def clear(self, coefficients: Array) -> bool:
         """Whether the motion is proven to keep the clearance, between the checked times, too."""
-        if self.collision is None:
-            return True
-        return prove_clearance(self.collision, self.motion(coefficients), self.options.clearance)[0].sure
+        least = self.options.clearance
+        return self.collision is None or prove_clearance(self.collision, self.motion(coefficients), least)[0].sure
 
     def condition(self, coefficients: Array) -> float:
         """Condition number of the scaled regressor, restricted to the identifiable combinations."""
