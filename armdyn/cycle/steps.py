@@ -106,7 +106,9 @@ class Grasp(_Rest):
 @brief
 @dataclass(frozen=True)
 class Release(_Rest):
-    """The arm, at rest, lets go of the part that it carries; a goal pose there is one of the part's frame, see `Grasp`.
+    """The arm, at rest, lets go of the part that it carries.
+
+    At a goal pose of a frame that is placed otherwise than the part's it is refused, see `Grasp`.
 
     Attributes:
         part: the released part; None: the part that the arm carries.
