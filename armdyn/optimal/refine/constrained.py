@@ -1,21 +1,27 @@
 """Minimum time with path constraints: obstacles, via points, limits of acceleration, speed and torque rate.
 
-The answer is the mesh's motion, replayed: arcs between obstacles, and their certificate, are not resolved. The mesh
-satisfies a constraint only at its points; the replay is checked everywhere, and an excess tightens the constraint.
+The answer is the resolved mesh's motion, replayed: its arcs, and their certificate, are not resolved. Where rates are
+limited it is found from rough curves, with torques linear in an interval. The mesh satisfies a constraint only at its
+points; the replay is checked everywhere, and an excess tightens the constraint.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
-from armdyn.optimal.landing.limit_violations import can_be_slowed, constraints_mended
+from armdyn.arrays import Array
+from armdyn.optimal.landing.limit_violations import can_be_slowed
 from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.program.unknowns import doubled
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE
+from armdyn.optimal.refine.curves import rough_curves
+from armdyn.optimal.refine.motion_mesh import finer_knots, on_finer_meshes
 from armdyn.optimal.refine.optimum import MeshMargins, Optimum, excess
 from armdyn.optimal.search.candidates import SearchResult, find
+from armdyn.optimal.search.multistart import distinct, grouped, within
 from armdyn.optimal.solve.direct import Attempt, solve_on_mesh
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -27,7 +33,7 @@ def constrained(task: Task) -> tuple[list[Optimum], SearchResult]:
     Args:
         task: a problem with path constraints.
     """
-    found = find(task)
+    found = _near_curves(task) or find(task)
     optima: list[Optimum] = []
     listed = list(found.listed)
     for attempt in found.attempts:
@@ -38,6 +44,18 @@ def constrained(task: Task) -> tuple[list[Optimum], SearchResult]:
         task.progress(f"optimum {len(optima) + 1}, about {attempt.trajectory.duration:.4f} s")
         optima.append(refined_again(task, attempt))
     return optima, replace(found, listed=tuple(listed))
+
+
+def _near_curves(task: Task) -> SearchResult | None:
+    """Distinct solutions on the first mesh near rough curves, if these find them; None: they do not, or no solution."""
+    same, options, search, starts = task.policy.same, task.options, task.policy.search, task.policy.curves.mesh_starts
+    alike = within(same.mesh)
+    curves = rough_curves(task, search.guesses(options, starts)) if starts and not task.stop else []
+    groups = grouped(curves, lambda one, other: alike(one.duration, other.duration))[: search.refinements(options)]
+    guesses = [group[0].trajectory(task.problem.robot) for group in groups]
+    attempts = [solve_on_mesh(task, guess, options.intervals, task.fine()) for guess in guesses]
+    found, iterations = distinct(attempts, same.mesh, same.distance), sum(attempt.iterations for attempt in attempts)
+    return SearchResult(tuple(found), mesh=options.intervals, iterations=iterations) if found else None
 
 
 def without_obstacles(task: Task) -> Task | None:
@@ -66,39 +84,46 @@ class _Mesh:
     """Specification of the next mesh, with the results of the mesh before.
 
     Attributes:
-        intervals: number of intervals.
+        knots: knots as parts of the duration, shape (intervals + 1,).
         constraints: tightened path constraints.
         margins: margins of the limits.
-        duration: duration of the last motion without faults [s].
         slowing: factor on the duration that the path constraints required of the mesh before.
         missed: its goal error [rad or m].
     """
 
-    intervals: int
+    knots: Array
     constraints: TightenedConstraints
     margins: MeshMargins = field(default_factory=MeshMargins)
-    duration: float = np.inf
     slowing: float = np.inf
     missed: float = np.inf
 
 
 def refined_again(task: Task, attempt: Attempt) -> Optimum:
-    """Solve a mesh again, with terminal correction and tightened constraints, until its replay satisfies all of them.
+    """Resolve a mesh, then solve it with terminal correction and tightened constraints until its replay satisfies all.
 
     Args:
         task: a problem with path constraints.
         attempt: a usable solution as the initial guess.
     """
     numbers, iterations = task.policy.path_constraints, 0
-    again = replace(task.fine(), barrier=task.policy.program.tightened_barrier)
-    mesh: _Mesh | None = _Mesh(task.options.intervals, TightenedConstraints.of(task))
+    meshes, barrier = task.policy.motion_mesh, task.policy.program.tightened_barrier
+    again = replace(task.fine(), barrier=barrier, tolerance=meshes.tolerance)
+
+    def solve(guess: Trajectory, knots: Array) -> Attempt:
+        return solve_on_mesh(task, guess, knots.size - 1, again, knots=knots)
+
+    finer = partial(finer_knots, task, numbers=meshes)
+    for one in on_finer_meshes(task, attempt, finer(attempt), meshes, solve, finer, numbers.settled):
+        attempt, iterations = one, iterations + one.iterations
+        task.progress(f"{one.intervals} intervals: {one.trajectory.duration:.6f} s")
+    mesh: _Mesh | None = _Mesh(attempt.mesh, TightenedConstraints.of(task))
     best: Optimum | None = None
     for k in range(numbers.rounds):
         if mesh is None:
             break
-        if k or attempt.intervals != mesh.intervals:
+        if k:
             within = task if mesh.margins == MeshMargins() else mesh.margins.task_within(task)
-            tried = solve_on_mesh(within, attempt.trajectory, mesh.intervals, again, mesh.constraints)
+            tried = solve_on_mesh(within, attempt.trajectory, mesh.knots.size - 1, again, mesh.constraints, mesh.knots)
             iterations += tried.iterations
             if not tried.usable:
                 break
@@ -115,12 +140,10 @@ def refined_again(task: Task, attempt: Attempt) -> Optimum:
 
 def _next(task: Task, mesh: _Mesh, found: Optimum, replay: Trajectory, attempt: Attempt) -> _Mesh | None:
     """Specification of the next mesh; None if the last one is good, or no mesh helps."""
-    numbers, problem, duration = task.policy.path_constraints, task.problem, found.trajectory.duration
-    finer = doubled(mesh.intervals, task.options.max_intervals)
     if not any(_faults(task, found)):
-        if finer is None or abs(duration / mesh.duration - 1) < numbers.settled:
-            return None
-        return _Mesh(finer, mesh.constraints.on_finer_mesh(), duration=duration)
+        return None
+    numbers, problem, knots = task.policy.path_constraints, task.problem, attempt.mesh
+    finer = doubled(attempt.intervals, task.options.max_intervals)
     margins = mesh.margins.wider(task, found) if _beyond(task, found) else mesh.margins
     constraints, slowing = mesh.constraints.tightened(problem, found.reports), found.reports.slowing
     missed = found.certificate.goal_error
@@ -128,15 +151,16 @@ def _next(task: Task, mesh: _Mesh, found: Optimum, replay: Trajectory, attempt: 
     astray = missed > numbers.near and missed >= numbers.stuck * mesh.missed
     if missed <= numbers.far and not (finer is not None and (stuck or astray)):
         aimed = constraints.aimed(problem, replay, attempt.passing)
-        return replace(mesh, constraints=aimed, margins=margins, slowing=slowing, missed=missed)
+        return _Mesh(knots, aimed, margins, slowing, missed)
     # Else the mesh's solution is no motion of the arm, or too coarse: no correction repairs it.
-    return None if finer is None else replace(mesh, intervals=finer, constraints=constraints.on_finer_mesh())
+    halved = np.union1d(knots, (knots[:-1] + knots[1:]) / 2)
+    return None if finer is None else _Mesh(halved, constraints.on_finer_mesh(), margins, slowing, missed)
 
 
 def _faults(task: Task, optimum: Optimum) -> tuple[bool, bool, bool]:
-    """Flags: a constraint is violated beyond slowing down a little; the goal is missed; `_beyond` limits."""
+    """Flags: a constraint is violated; the goal is missed; `_beyond` limits."""
     missed = not optimum.landed(task.policy.path_constraints.near)
-    return not constraints_mended(task, optimum.reports), missed, _beyond(task, optimum)
+    return bool(optimum.missed), missed, _beyond(task, optimum)
 
 
 def _beyond(task: Task, optimum: Optimum) -> bool:

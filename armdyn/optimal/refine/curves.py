@@ -89,6 +89,18 @@ def curves(task: Task) -> tuple[list[Optimum], SearchResult]:
     )
 
 
+def rough_curves(task: Task, starts: int) -> list[Curve]:
+    """Curves of few intervals, the fastest first, not yet within their limits between the points: guesses for a mesh.
+
+    Args:
+        task: the problem and its settings.
+        starts: number of guesses besides the options'.
+    """
+    rough = replace(task, policy=task.policy.changed("curves", intervals=task.policy.curves.coarse, rounds=1))
+    found = [one.curve for one in _refined(rough, _guesses(rough, starts), rough=True) if one.solved.converged]
+    return sorted(found, key=lambda one: one.duration)
+
+
 def cruise(task: Task) -> tuple[list[Optimum], SearchResult]:
     """The straight path's curve by sequential convexification, in 0.05 s; no motion if that does not converge.
 

@@ -102,10 +102,10 @@ class _Meshes:
             return self._solved(within, guess, knots, rough if first else near, int(not first))
 
         def finer(one: Attempt) -> Array:
-            knots = _finer(within, one, numbers)
+            knots = finer_knots(within, one, numbers)
             return knots if self.affordable(knots, numbers.reserve) else one.mesh
 
-        yield from _on_finer_meshes(self.task, attempt, mesh(numbers.intervals), numbers, solve, finer)
+        yield from on_finer_meshes(self.task, attempt, mesh(numbers.intervals), numbers, solve, finer)
 
     def sharp(self, rough: Attempt) -> Attempt:
         """Solve on the mesh of a rough solution; the rough one without convergence or budget."""
@@ -182,13 +182,14 @@ class _Meshes:
         return replace(margins, velocity=fast).task_within(self.task)
 
 
-def _on_finer_meshes(
+def on_finer_meshes(
     task: Task,
     attempt: Attempt,
     knots: Array,
     numbers: MotionMeshPolicy,
     solve: Callable[[Trajectory, Array], Attempt],
     finer: Callable[[Attempt], Array],
+    settled: float = -np.inf,
 ) -> Iterator[Attempt]:
     """Solutions of one optimum on successively finer meshes, until one is not usable or no mesh is finer.
 
@@ -199,6 +200,7 @@ def _on_finer_meshes(
         numbers: numbers of meshes and knots, and the tolerance for another optimum.
         solve: maps a guess and knots to a solution.
         finer: maps a solution to its knots and further ones.
+        settled: gain by a mesh, as a part of the duration, that ends them.
     """
     near = attempt
     for _ in range(numbers.rounds):
@@ -207,14 +209,18 @@ def _on_finer_meshes(
         if not found.usable or slower or task.stop:
             return
         yield found
+        if found.trajectory.duration > (1 - settled) * near.trajectory.duration:
+            return
         near, more = found, finer(found)
         if more.size == knots.size or more.size > numbers.most:
             return
         knots = more
 
 
-def _finer(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
+def finer_knots(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     """The attempt's knots and further ones; with a larger collocation error if these would be too many."""
+    if task.scheme.control == "linear":
+        return _bent(task, attempt, numbers)
     more = _divided(task, attempt, numbers)
     return more if more.size <= numbers.most else _divided(task, attempt, replace(numbers, gap=numbers.coarse_gap))
 
@@ -252,6 +258,17 @@ def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     found = np.unique(np.concatenate([knots, *more]))
     apart = np.append(np.diff(found) > numbers.least / 20, True)
     return np.asarray(found[apart | (found == 0)])
+
+
+def _bent(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
+    """The attempt's knots, and further ones where torques linear in an interval bend, or jump."""
+    knots, motion = attempt.mesh, attempt.trajectory
+    actuators, lengths = task.problem.limits.actuators, np.diff(attempt.mesh)
+    level = (motion(motion.duration * knots).tau - actuators.center) / actuators.scale
+    after = (lengths[:-1] / (lengths[:-1] + lengths[1:]))[:, None]
+    bend = np.abs(level[1:-1] - (1 - after) * level[:-2] - after * level[2:]).max(axis=1)
+    parts = np.sqrt(np.maximum(np.pad(bend, (1, 0)), np.pad(bend, (0, 1))) / numbers.bend)
+    return _in_parts(knots, np.where(lengths > numbers.ramp, np.clip(np.ceil(parts), 1, numbers.parts), 1).astype(int))
 
 
 def _in_parts(knots: Array, counts: Index) -> Array:

@@ -91,10 +91,10 @@ class Legs:
         return np.cumsum(self.intervals)
 
 
-def legs_of(problem: MinimumTimeProblem, guess: Trajectory, intervals: int) -> Legs:
+def legs_of(problem: MinimumTimeProblem, guess: Trajectory, intervals: int, knots: Array | None = None) -> Legs:
     """Distribute intervals over legs by a guess's times at the via points.
 
-    Every leg gets intervals in proportion to its time, and a few at least.
+    Every leg gets intervals in proportion to its time, and a few at least; of given knots, those between.
     """
     marks, first = [float(guess.t[0])], 0
     inner = problem.poses[1:-1]
@@ -105,6 +105,9 @@ def legs_of(problem: MinimumTimeProblem, guess: Trajectory, intervals: int) -> L
         first += int(np.argmin(away))
         marks.append(float(guess.t[first]))
     durations = np.maximum(np.diff([*marks, guess.t[-1]]), 1e-3 * guess.duration)
+    if knots is not None:
+        ends = np.searchsorted((knots[:-1] + knots[1:]) / 2, np.append(0.0, np.cumsum(durations)) / durations.sum())
+        return Legs(tuple(np.diff(ends).tolist()), durations)
     least = max(min(4, intervals // durations.size), 1)
     spare = intervals - least * durations.size
     if spare < 0:
@@ -149,13 +152,17 @@ def assemble_mesh(
         guess: initial guess.
         intervals: number of intervals, distributed over the legs between via points.
         constraints: tightened path constraints; None: not tightened.
-        knots: knots of the mesh as parts of the duration, shape (intervals + 1,), without via points; None: equal ones.
+        knots: knots of the mesh as parts of the duration, shape (intervals + 1,), via points among them; None: equal
+            intervals in every leg.
         tie: see `Scales.weights`.
     """
     problem, scales, layout = task.problem, Scales.of(task.problem, guess), Layout(task.dynamics.nv, task.scheme)
     constraints = TightenedConstraints.of(task) if constraints is None else constraints
-    legs, rows, values = legs_of(problem, guess, intervals), constraints.rows(problem), constraints.values(problem)
-    fractions = np.concatenate([np.diff(mesh(size) if knots is None else knots) for size in legs.intervals])
+    legs, rows = legs_of(problem, guess, intervals, knots), constraints.rows(problem)
+    values = constraints.values(problem)
+    fractions = np.concatenate([np.diff(mesh(size)) for size in legs.intervals])
+    if knots is not None:
+        fractions = np.diff(knots) / np.add.reduceat(np.diff(knots), legs.knots - legs.intervals)[legs.of_interval]
     weights = scales.weights(problem.effort_weight, tie)
     lower, upper = bounds(problem, layout, intervals, scales)
     shares = fractions
@@ -195,7 +202,8 @@ def solve_on_mesh(
         intervals: number of intervals, distributed over the legs between via points.
         settings: iteration limit, tolerance, verbosity.
         constraints: tightened path constraints; None: not tightened.
-        knots: knots of the mesh as parts of the duration, shape (intervals + 1,), without via points; None: equal ones.
+        knots: knots of the mesh as parts of the duration, shape (intervals + 1,), via points among them; None: equal
+            intervals in every leg.
         tie: see `Scales.weights`.
     """
     if task.stop:
@@ -211,6 +219,7 @@ def solve_on_mesh(
     # Rows after the equations of motion are not checked.
     beyond = np.maximum(g - ubg, lbg - g)[: intervals * layout.rows].reshape(intervals, -1)
     own = np.maximum(x[layout.times(intervals)[np.append(0, data.legs.knots[:-1])]] * scales.time, 0)
+    times = np.append(0.0, np.cumsum(own[data.legs.of_interval] * data.fractions))
     return Attempt(
         status=result.status,
         message=result.message,
@@ -219,7 +228,7 @@ def solve_on_mesh(
         iterations=result.iterations,
         worst_violation=None if landed else worst_defect(problem, layout, x, beyond, data.fractions, scales),
         passing=np.cumsum(own)[:-1],
-        knots=knots,
+        knots=knots if len(own) == 1 else times / times[-1],
     )
 
 

@@ -9,10 +9,10 @@ from armdyn.optimal.path_constraints.tightened import TightenedConstraints, numb
 from armdyn.optimal.program.assembly import build_nlp
 from armdyn.optimal.program.interval import CollocationInterval
 from armdyn.optimal.search.starts import spline
-from armdyn.optimal.solve.direct import legs_of
+from armdyn.optimal.solve.direct import legs_of, solve_on_mesh
 from armdyn.optimal.task.tableau import Scheme
 from armdyn.optimal.task.task import Task
-from problems import POSES, paper_arm, paper_problem
+from problems import POSES, cart, paper_arm, paper_problem
 
 START, GOAL = POSES["rr"]
 
@@ -89,3 +89,16 @@ def test_legs_share_the_mesh_by_time():
     assert sum(legs.intervals) == 40 and min(legs.intervals) >= 4
     # The guess is at the via points at thirds of its time; it is sampled at fiftieths.
     np.testing.assert_allclose(legs.durations, guess.duration / 3, rtol=0.06)
+
+
+def test_a_mesh_is_solved_again_on_its_own_knots_through_a_via_point():
+    problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0], via=[[0.5]])
+    task = Task.of(problem)
+    even = solve_on_mesh(task, spline(problem, []), 20, task.alone())
+    knots = np.union1d(even.mesh, even.mesh[:4] + 0.004)  # four more in the first leg
+    again = solve_on_mesh(task, even.trajectory, knots.size - 1, task.alone(), knots=knots)
+    share = again.passing[0] / again.trajectory.duration
+    assert again.usable and np.min(np.abs(again.mesh - share)) < 1e-12 and np.all(np.diff(again.mesh) > 0)
+    np.testing.assert_allclose(again.trajectory(again.passing).q, 0.5, atol=1e-9)
+    # Full thrust to the middle and back, 2 m by 1 N on 1 kg; an interval of constant thrust holds the switch.
+    assert 2 * np.sqrt(2) * (1 - 1e-6) < again.trajectory.duration < 2 * np.sqrt(2) * (1 + 2e-3)

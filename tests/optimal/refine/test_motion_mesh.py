@@ -7,13 +7,16 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.landing.limit_violations import paced
+from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.repeat import repeated, under_feedback
 from armdyn.optimal.refine import motion_mesh
-from armdyn.optimal.refine.motion_mesh import ResolvedMotions, _finer, _Meshes, mesh_optimum
+from armdyn.optimal.refine.motion_mesh import ResolvedMotions, _Meshes, finer_knots, mesh_optimum
 from armdyn.optimal.refine.optimum import MeshMargins
 from armdyn.optimal.search.candidates import find
+from armdyn.optimal.solve.direct import Attempt
 from armdyn.optimal.task.task import Task
-from problems import paper_arm
+from armdyn.trajectory import Trajectory
+from problems import cart, paper_arm
 
 FAST = ad.MinimumTimeProblem(
     paper_arm("rr", 0.05), q_start=[-2.5, -1.5], q_goal=[2.0, 1.0], velocity_limit=[12.0, 15.0]
@@ -177,7 +180,7 @@ def test_intervals_are_divided_on_both_sides_of_a_switch():
     middles = (first.mesh[:-1] + first.mesh[1:]) / 2
     torques = first.trajectory(first.trajectory.duration * middles).tau / FAST.limits.actuators.scale
     switches = np.flatnonzero(np.any(np.abs(np.diff(torques, axis=0)) > 0.5, axis=1))
-    counts = np.histogram(_finer(task, first, task.policy.motion_mesh), first.mesh)[0]
+    counts = np.histogram(finer_knots(task, first, task.policy.motion_mesh), first.mesh)[0]
     assert switches.size > 2 and np.all(counts[switches] > 1) and np.all(counts[switches + 1] > 1)
 
 
@@ -191,3 +194,17 @@ def test_the_last_mesh_is_solved_sharply():
     assert 1e-6 < rough.trajectory.duration / sharp.trajectory.duration - 1 < 1e-4
     spent = _Meshes(task, ResolvedMotions(replace(task.policy.motion_mesh, work=0)))
     assert spent.sharp(rough) is rough
+
+
+def test_linear_torques_are_divided_where_they_bend_or_jump():
+    cart_task = Task.of(ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0], acceleration_limit=0.5))
+    assert cart_task.scheme.control == "linear"
+    t = np.linspace(0, 1, 41)
+    tau = np.where(t < 0.5, 0.5, -0.5) + 0.4 * np.maximum(t - 0.75, 0)  # a jump in interval 19, a corner at knot 30
+    motion = Trajectory(t, t[:, None], np.ones((41, 1)), tau[:, None], ("slide",), "torques")
+    attempt = Attempt(Status.SOLVED, "", motion, 40, 0, None)
+    knots = finer_knots(cart_task, attempt, cart_task.policy.motion_mesh)
+    counts = np.histogram(knots[:-1] + 1e-9, t)[0]
+    most = cart_task.policy.motion_mesh.parts
+    assert list(np.flatnonzero(counts == most)) == [18, 19, 20] and list(np.flatnonzero(counts == 3)) == [29, 30]
+    assert np.sum(counts == 1) == 35 and np.all(np.isin(t, knots))

@@ -21,6 +21,7 @@ class CurvePolicy:
     coarse: int = tuned(16, "intervals", "of a leg, where goals are compared: right to 1 %", "UR5: eight branches")
     shortest: float = by_kind("of a leg", "first and last interval: ramps to a velocity limit are this short")
     starts: int = by_kind("guesses", "one where velocity limits shape the motion: eight gave the same optimum")
+    mesh_starts: int = by_kind("guesses", "rough curves that a mesh starts from: one takes 0.04 s", "RR, RRR")
     more_starts: int = tuned(6, "guesses", "if the first has failed", "bravo7")
     slack: float = tuned(1.2, "of the time at the velocity limits", "duration of a guess that cruises")
     gentle: float = tuned(

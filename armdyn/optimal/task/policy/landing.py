@@ -38,12 +38,12 @@ class PathConstraintPolicy:
     )
     least_region: float = tuned(0.5, "of a tolerance", "in a program, at least", "Panda, UR5")
     far: float = tuned(0.1, "rad or m", "from the goal: the mesh was too coarse for the motion", "RR, Panda")
-    settled: float = tuned(5e-4, "of the duration", "change by a mesh twice as fine that ends refinement", "RR, RRR")
+    settled: float = tuned(2e-4, "of the duration", "gain by a divided mesh that ends its refinement", "RR, RRR")
     rate_tolerance: float = tuned(
         1e-6, "of a limit", "largest excess of acceleration, jerk and frame speed", "by definition"
     )
     rate_tightening: float = tuned(
-        1e-4, "of a limit", "further tightening where the limits are tightened by the replay's excess", "UR5"
+        1e-5, "of a limit", "further tightening where the limits are tightened by the replay's excess", "UR5"
     )
     stuck: float = tuned(
         0.9,

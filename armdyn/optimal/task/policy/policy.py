@@ -127,6 +127,7 @@ class Policy:
         motors = not np.any(problem.limits.passive)
         speed_limited = is_speed_limited(problem)
         joints, has_constraints = problem.robot.nv, bool(problem.path_constraint_names)
+        rated = problem.continuous_torque or problem.acceleration_limit is not None
         plain = motors and not has_constraints and not problem.pays_effort
         many = plain and joints == 3  # hundreds of optima
         some = plain and joints == 2
@@ -134,7 +135,7 @@ class Policy:
         return cls(
             strategy=_strategy(problem, motors, speed_limited),
             program=ProgramPolicy(
-                linear=problem.continuous_torque or not problem.limits.actuators.constant,
+                linear=rated or not problem.limits.actuators.constant,
                 condensed=not has_constraints,
                 coarse_barriers=(1e-2, 1e-1) if many else (1e-3, 1e-2),
                 guess_iterations=250 if many else None,
@@ -159,6 +160,7 @@ class Policy:
                 patience=300 if has_constraints or np.any(problem.robot.friction.coulomb) else 120,
                 shortest=_shortest(problem, speed_limited),
                 starts=1 if speed_limited else 4,
+                mesh_starts=_by_joints(joints, 1, 4, 12) if rated and motors and not problem.via else 0,
             ),
         )
 

@@ -98,6 +98,13 @@ class MotionMeshPolicy:
     patience: int = tuned(12, "iterations", "over which the decrease is measured", "random arms (RRR)")
     parts: int = tuned(4, "parts", "of a divided interval, at most")
     jump: float = tuned(0.03, "of half a torque's range", "between intervals that are to be divided")
+    bend: float = tuned(
+        1e-3,
+        "of half a torque's range",
+        "bend of linear torques at a knot that needs no more: a quarter takes 3e-5 of T less, in twice the CPU time",
+        "RR, RRR: limited accelerations",
+    )
+    ramp: float = tuned(3e-4, "of the duration", "a shorter interval of linear torques is not divided")
     velocity_excess: float = tuned(2e-5, "of a velocity limit", "excess within an interval of constant torque")
     position_excess: float = tuned(1e-6, "rad or m", "the same of a position limit: the certificate's")
     gap: float = tuned(1e-9, "of a joint's way or speed", "error of collocation in an interval: its gradient's is 1e-5")
