@@ -16,7 +16,6 @@ from armdyn.errors import ProblemError
         ({"starts": -1}, "starts is -1"),
         ({"time_limit": -1.0}, "time_limit is -1.0; it must be positive"),
         ({"tolerance": float("nan")}, "tolerance"),
-        ({"control": "stage"}, "control"),
     ],
 )
 def test_bad_options(option, message):
