@@ -50,6 +50,7 @@ ALIASES |= {
 }
 """Other names of arguments in messages; of a file or a name its value is enough."""
 RESULTS = {
+    ad.MotionProgram,
     *(
         ad.ControllerCheck,
         ad.ControllerPreset,

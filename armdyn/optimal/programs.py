@@ -1,5 +1,7 @@
 """Nonlinear programs of meshes and curves as values for other solvers, built as `solve_minimum_time` builds them."""
 
+from __future__ import annotations
+
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -9,7 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import expect, whole
+from armdyn.arguments import expect, numbers, whole
 from armdyn.arrays import Array, Index
 from armdyn.errors import ProblemError
 from armdyn.optimal.flat.basis import Basis
@@ -27,12 +29,14 @@ from armdyn.optimal.solve.direct import assemble_mesh, legs_of
 from armdyn.optimal.solve.solver import NlpData
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task
+from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 
 MOST_INTERVALS = 10_000
 """Largest number of intervals of a program: beyond, its expressions take gigabytes."""
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class MotionProgram:
     """Nonlinear program of a motion: minimise f(x) with lower ≤ x ≤ upper and row_lower ≤ g(x) ≤ row_upper.
@@ -83,9 +87,9 @@ class MotionProgram:
             x: unknowns, shape (n,) or (n, 1), such as a solver's.
 
         Raises:
-            ProblemError: another number of unknowns.
+            ProblemError: no numbers, or another number of unknowns.
         """
-        values = np.array(x, dtype=float).ravel()
+        values = numbers(x.full() if isinstance(x, ca.DM) else x, "x", f"{len(self.names)} unknowns").ravel()
         if values.size != len(self.names):
             raise ProblemError(f"x has {values.size} unknowns; the program has {len(self.names)}")
         return self.motion_of(values)

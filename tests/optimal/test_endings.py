@@ -55,7 +55,7 @@ def test_nothing_is_built_when_the_time_is_up(more, monkeypatch):
 def test_equations_that_take_longer_than_is_left_are_not_begun(read):
     """80 joints took 41 CPU s of a limit of 3 s: their equations alone 13 s."""
     text = urdf(link("l0"), *(link(f"l{i}") + joint(f"j{i}", f"l{i - 1}", f"l{i}") for i in range(1, 61)))
-    robot = read(text, effort_limit=1e4, velocity_limit=3.0)
+    robot = read(text, effort_limit=np.full(60, 1e4), velocity_limit=3.0)
     began, still = time.process_time(), np.zeros(robot.nv)
     problem = ad.MinimumTimeProblem(robot, q_start=still, q_goal=still + 0.1)
     solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(time_limit=0.1, bound=False))

@@ -81,7 +81,7 @@ def test_torques_are_refused_in_a_kinematic_problem(bare):
 
 
 def test_without_the_word_unknown_torques_are_refused(bare):
-    with pytest.raises(UrdfError, match=r"links without mass: link1, link2, link3.*`kinematic`"):
+    with pytest.raises(UrdfError, match=r"links without mass: link1, link2, link3.*kinematic=True"):
         ad.MinimumTimeProblem(bare, **ENDS)
     for door in (ad.Dynamics, lambda robot: robot.holding_torque([0.0] * 3), ad.mujoco_model):
         with pytest.raises(UrdfError, match="links without mass"):

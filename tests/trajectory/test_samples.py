@@ -88,7 +88,7 @@ def test_accelerations_are_the_dynamics_at_the_stamps_where_torques_do_not_jump(
     own = np.stack([dynamics(*state) for state in zip(*solution.trajectory(samples.t), strict=True)])
     before, after = samples.tau[:-2], samples.tau[1:-1]
     steady = np.all(np.isclose(before, after, rtol=1e-9), axis=1)
-    assert np.count_nonzero(steady) > 0.9 * steady.size
+    assert np.count_nonzero(steady) > 0.8 * steady.size  # RRR slides along a limit, under torques that vary
     # A cubic's accelerations are lines between samples a millisecond apart: 1.6e-3 of the largest was measured on RRR.
     np.testing.assert_allclose(samples.a[1:-1][steady], own[1:-1][steady], atol=3e-3 * np.abs(own).max())
 

@@ -72,7 +72,7 @@ def test_one_endless_joint_of_two(read):
     """A joint with limits goes to its given goal; its neighbour takes the nearer turn."""
     limited = joint("elbow", "a", "b")
     first = endless_joint("shoulder", ("base", "a"), "0 -1 0")
-    robot = read(urdf('<link name="base"/>', link("a"), link("b"), first, limited), effort_limit=5.0)
+    robot = read(urdf('<link name="base"/>', link("a"), link("b"), first, limited), effort_limit=[5.0, 5.0])
     problem = ad.MinimumTimeProblem(robot, q_start=[-3.0, 0.0], q_goal=[3.0, 0.5], wrap=True)
     assert endless(robot, problem.limits).tolist() == [True, False]
     assert np.allclose(problem.goals, [[3.0 - 2 * np.pi, 0.5], [3.0, 0.5]])

@@ -132,7 +132,7 @@ def test_an_end_descends_along_its_pose_by_the_costates_of_meshes():
     first = mesh_alone(posed.variant(q_goal=slid(robot, pose, fastest, 0.05 * free, posed.limits), goal_pose=None))
     assert transversality(posed, pose, first.problem.x_goal[:3], first.costates) > 5e-3
     last = _slid_end(first, pose, Task.of(posed).policy.goals, solved)
-    assert last.arcs == () and transversality(posed, pose, last.problem.x_goal[:3], last.costates) < 1e-3
+    assert last.phases is None and transversality(posed, pose, last.problem.x_goal[:3], last.costates) < 1e-3
     assert last.duration == pytest.approx(0.16528390, rel=2e-6)  # with arcs; the mesh is a millionth slower
     np.testing.assert_allclose(last.problem.x_goal[:3], fastest, atol=2e-3)  # of second order in the duration
 

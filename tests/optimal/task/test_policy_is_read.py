@@ -136,6 +136,7 @@ SOLVES = {
             ("motion_mesh", {"rounds": 0}),
         ],
         starts=1,
+        max_intervals=40,
     ),
     "arcs that are not resolved": lambda: noted(
         between("rr", **INSIDE), [("motion_mesh", {"rounds": 1, "most": 1})], starts=2
@@ -161,7 +162,9 @@ SOLVES = {
     "three joints": lambda: noted(random_problem(2), starts=3),
     "a contact": lambda: noted(random_problem(5), starts=3),
     "changes of optima": lambda: noted(paper_problem("rrr", 0.1505), starts=16),
-    "a search that is done again": lambda: noted(between("rr"), [("search", {"too_coarse": 0.5})], starts=2),
+    "a search that is done again": lambda: noted(
+        between("rr"), [("search", {"too_coarse": 0.5, "too_coarse_confirmed": 0.5})], starts=2
+    ),
     "a search at a velocity limit that is done again": lambda: noted(
         between("rr", velocity_limit=8.0),
         [ARCS, ("search", {"too_coarse": 0.5})],
