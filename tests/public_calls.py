@@ -330,7 +330,6 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
         RR.pose: {"name": "zero"},
         RR.configuration: {"q": START},
         RR.holding_torque: {"q": START},
-        RR.same_place: {"one": "tip", "other": "tip"},
         ad.FrameSpeedLimit.of_option: {"values": [0.5], "frame": None},
         ad.RmsTorque.of_option: {"values": [0.5], "frame": None},
         ad.TorqueRateLimit.of_option: {"values": [0.5], "frame": None},

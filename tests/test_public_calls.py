@@ -87,6 +87,7 @@ INNER = {
         "bounded",
         "check",
         "required_distances",
+        "same_place",
         "derivative_limit",
         "ends_within",
         "fits",
