@@ -33,23 +33,15 @@ _TOWARD = {Mode.VELOCITY_UPPER: Mode.UPPER, Mode.VELOCITY_LOWER: Mode.LOWER}
 """Torque mode that brings a joint to a velocity limit; the opposite one leaves the limit."""
 
 
-def detect(
-    problem: MinimumTimeProblem,
-    trajectory: Trajectory,
-    mesh: Array,
-    switch: int,
-    numbers: ArcsPolicy,
-    brief: float = 0.0,
-) -> list[Arc]:
+def detect(problem: MinimumTimeProblem, trajectory: Trajectory, mesh: Array, numbers: ArcsPolicy) -> list[Arc]:
     """The arcs of a collocation solution with constant torques between its knots.
 
     Args:
         problem: the problem with its limits.
         trajectory: the solution.
         mesh: knots as parts of the duration.
-        switch: number of intervals in a row off all limits up to which they are a switch, not an arc.
-        numbers: tolerances within which a limit is active.
-        brief: part of the duration up to which a time off all torque limits is a switch, too.
+        numbers: tolerances within which a limit is active, and up to which times off all limits are a switch, not an
+            arc.
     """
     duration, limits, intervals = trajectory.duration, problem.limits, mesh.size - 1
     knots = duration * mesh
@@ -66,18 +58,19 @@ def detect(
         margin = np.min(np.abs(at_knots.q[:, i, None] - bounds), axis=1)
         scale = max(float(np.ptp(at_knots.q[:, i])), 0.1)
         touching = margin < numbers.touching * scale
-        near = margin < numbers.in_contact * scale
-        contact = touching[:-1] | touching[1:] | (near[:-1] & near[1:])  # one end marks where contact begins or ends
+        contact = touching[:-1] | touching[1:]  # one end marks where contact begins or ends
         above = bounds[1] - middle.q[:, i] < middle.q[:, i] - bounds[0]
-        fast = slow > limits.velocity[i] * (1 - numbers.near_speed)
+        fast = slow > limits.velocity[i] * (1 - numbers.at_speed)
         sides = level[:, i] > 1 - numbers.near, level[:, i] < numbers.near - 1
         active = (*sides, fast & (middle.v[:, i] > 0), fast, contact & above, contact)
         modes = [Mode(name) for name in np.select(active, (*BANG, *VELOCITY, *POSITION), Mode.FREE)]
         if limits.passive[i]:
             modes = [Mode.PASSIVE] * intervals
-        modes = _without_brief(modes, mesh, brief)
+        modes = _without_brief(modes, mesh, numbers.brief)
         runs = _runs(_without_bounces(modes))
-        switching = [mode is Mode.FREE and (b - a <= switch or mesh[b] - mesh[a] <= brief) for mode, a, b in runs]
+        switching = [
+            mode is Mode.FREE and (b - a <= numbers.switch or mesh[b] - mesh[a] <= numbers.brief) for mode, a, b in runs
+        ]
         first.append(_first_mode(runs, level[:, i], switching[0]))
         events += _switches(runs, level[:, i], knots, i, switching)
         inner = np.flatnonzero(touching[1:-1]) + 1
@@ -99,7 +92,7 @@ def arcs_of(problem: MinimumTimeProblem, motion: Trajectory, numbers: ArcsPolicy
     """
     apart = np.diff(motion.t) > 1e-12 * motion.duration
     knots = np.append(motion.t[:-1][apart], motion.t[-1]) / motion.duration
-    return tuple(detect(problem, motion, knots, numbers.switch, numbers.at_switches, numbers.brief))
+    return tuple(detect(problem, motion, knots, numbers))
 
 
 def _without_bounces(modes: Sequence[Mode]) -> list[Mode]:

@@ -10,7 +10,7 @@ from armdyn.optimal.arcs.arc import Arc, Mode
 from armdyn.optimal.arcs.phases import TABLEAU, Phases, motion_of
 from armdyn.optimal.landing.rollout import gauss_steps, replay_of, transitions
 from armdyn.optimal.polish.newton import BangMotion, bang_motion, fastest
-from armdyn.optimal.polish.shooting import BangShooting
+from armdyn.optimal.polish.shooting import BangShooting, carried
 from armdyn.optimal.polish.structure import Switches, switches_of
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -106,8 +106,7 @@ def _phases(task: Task, switches: Switches, motion: BangMotion) -> Phases:
     end = motion.costate * unit / size
     by_start = motion.ends.by_start * size[:, None] / size
     first = np.einsum("sab,sa->sb", by_start, end)
-    within = np.linalg.solve(flow.swapaxes(2, 3), np.broadcast_to(first[..., None], (*flow.shape[:3], 1)))[..., 0]
-    costate = np.concatenate([first[None], within, end[None]]).swapaxes(0, 1)
+    costate = np.concatenate([first[None], carried(flow, first), end[None]]).swapaxes(0, 1)
     x = np.concatenate([motion.x[None] * size, inner[0].reshape(nodes.size, h.size, 2 * n), motion.ends.x[None] * size])
     states = x.swapaxes(0, 1).reshape(h.size, -1, 2, n)
     switching = np.linalg.solve(joint_inertia(problem.robot)(states[:, :, 0]), costate[..., n:, None])[..., 0]

@@ -38,6 +38,20 @@ class Ends:
         return all(np.all(np.isfinite(each)) for each in (self.x, self.by_start, self.rate))
 
 
+def carried(flow: Array, costate: Array) -> Array:
+    """Costates within segments from those at their starts.
+
+    Args:
+        flow: derivatives of the states there by the first states, shape (Q, S, 2 nv, 2 nv).
+        costate: at the starts, shape (S, 2 nv).
+
+    Returns:
+        Shape (Q, S, 2 nv).
+    """
+    each = np.broadcast_to(costate[..., None], (*flow.shape[:3], 1))
+    return np.asarray(np.linalg.solve(flow.swapaxes(2, 3), each)[..., 0])
+
+
 @dataclass(frozen=True, eq=False)
 class BangShooting:
     """Segments of a motion of bang arcs.
@@ -119,8 +133,8 @@ class BangShooting:
             state, flow, _ = step(h / count, states[-1], torques, 1)
             states.append(state)
             flows.append((flow * self.size / self.size[:, None]) @ flows[-1])
-        flow, first = np.array(flows), np.einsum("sab,sa->sb", ends.by_start, costate)
-        along = np.linalg.solve(flow.swapaxes(2, 3), np.broadcast_to(first[..., None], (*flow.shape[:3], 1)))[..., 0]
+        flow = np.array(flows)
+        along = carried(flow, np.einsum("sab,sa->sb", ends.by_start, costate))
         weights = np.array([1.0, *[4.0, 2.0] * (count // 2 - 1), 4.0, 1.0]) / (3 * count)
         curved = self._curvature(np.array(states), along) * h[:, None, None]
         found = np.zeros((h.size, m + 1, m + 1))

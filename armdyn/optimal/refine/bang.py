@@ -24,7 +24,6 @@ from armdyn.parallel import in_processes
 from armdyn.trajectory import Trajectory
 
 _GIVEN_UP = "refinement was given up: its budget of mesh iterations is spent"
-_NO_ARCS = "torques between their limits, or limits of the state, decide: arcs have the mesh's resolution"
 
 
 def minimum_time(task: Task) -> tuple[list[Optimum], SearchResult]:
@@ -121,9 +120,9 @@ def _near(task: Task, attempt: Attempt, resolved: ResolvedMotions) -> Optimum:
     exact = _exact(task, attempt.trajectory, attempt.intervals)
     if exact is not None:
         return exact
-    motion = mesh_optimum(task, attempt, _NO_ARCS, resolved)
+    motion = mesh_optimum(task, attempt, resolved)
     if motion is None or not motion.within_limits:
-        own = Optimum.of(task.problem, replay_on_goal(task, attempt), attempt.intervals, None, _NO_ARCS)
+        own = Optimum.of(task.problem, replay_on_goal(task, attempt), attempt.intervals)
         return own if motion is None else min(own, motion, key=partial(_rank, task))
     exact = _exact(task, motion.trajectory, motion.intervals)
     if exact is not None and exact.cost <= (1 + task.policy.same.resolved) * motion.cost:

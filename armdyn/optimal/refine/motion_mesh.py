@@ -1,8 +1,8 @@
 """Mesh refinement until the motion, not only its switching times, is the optimum's.
 
-Intervals are divided wherever piecewise constant torques cannot follow the
-optimum: at jumps of a torque off its limits, along limits of velocity and position, which a constant torque leaves, and
-where the collocation's error is large.
+Intervals are divided wherever torques that are constant or linear in each cannot follow the optimum: constant ones at
+jumps off their limits and along limits of velocity and position, where also the collocation's error is large; linear
+ones where they bend or jump.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -278,13 +278,12 @@ def _in_parts(knots: Array, counts: Index) -> Array:
     return np.append(knots[own] + np.diff(knots)[own] * (part / counts[own]), knots[-1])
 
 
-def mesh_optimum(task: Task, attempt: Attempt, remark: str, resolved: ResolvedMotions) -> Optimum | None:
+def mesh_optimum(task: Task, attempt: Attempt, resolved: ResolvedMotions) -> Optimum | None:
     """Resolved motion of a mesh, landed by multiple shooting, with the bound on its first-order saving.
 
     Args:
         task: the problem and its settings.
         attempt: a solution near the motion.
-        remark: reason for missing arcs.
         resolved: cache of the problem's resolved motions, extended here.
 
     Returns:
@@ -298,7 +297,7 @@ def mesh_optimum(task: Task, attempt: Attempt, remark: str, resolved: ResolvedMo
         if len(tried) > 1 and resolved.beats(rough):
             break
     else:
-        best = _divided_until_certified(meshes, meshes.sharp(tried[-1]), remark) if tried else None
+        best = _divided_until_certified(meshes, meshes.sharp(tried[-1])) if tried else None
     resolved.add(tried, best)
     return best
 
@@ -318,16 +317,16 @@ class _Judged:
     to_divide: Flags
 
 
-def _divided_until_certified(meshes: _Meshes, mesh: Attempt, remark: str) -> Optimum | None:
+def _divided_until_certified(meshes: _Meshes, mesh: Attempt) -> Optimum | None:
     """Best motion of a mesh, divided repeatedly until certified; None if none reaches the goal."""
-    task, best, numbers = meshes.task, _judged(meshes.task, mesh, remark), meshes.task.policy.motion_mesh
+    task, best, numbers = meshes.task, _judged(meshes.task, mesh), meshes.task.policy.motion_mesh
     if best is None:
         return None
     for k in range(numbers.further_meshes):
         velocity, position = excess(task, best.optimum)
         margins = MeshMargins(velocity if k else 0.0, position)  # shorter intervals: smaller excess
         divided = meshes.divided(mesh, best.to_divide, margins)
-        found = None if divided is None else _judged(task, divided, remark)
+        found = None if divided is None else _judged(task, divided)
         if divided is None or found is None or found.saving > max(best.saving, SAVING_TOLERANCE):
             break
         stalled = found.saving > max(numbers.saving_ratio * best.saving, SAVING_TOLERANCE)
@@ -335,20 +334,20 @@ def _divided_until_certified(meshes: _Meshes, mesh: Attempt, remark: str) -> Opt
         if stalled and best.optimum.within_limits:
             break
     if best.optimum.certificate.ok and best.saving > numbers.unsettled:
-        best = _settled(meshes, mesh, best, remark)
-    return _within_margins(meshes, mesh, best.optimum, remark)
+        best = _settled(meshes, mesh, best)
+    return _within_margins(meshes, mesh, best.optimum)
 
 
-def _settled(meshes: _Meshes, mesh: Attempt, best: _Judged, remark: str) -> _Judged:
+def _settled(meshes: _Meshes, mesh: Attempt, best: _Judged) -> _Judged:
     """A certified motion solved again from itself: its solve ended where it hardly became faster."""
     again = meshes.again(mesh, mesh.mesh, MeshMargins())
-    found = None if again is None else _judged(meshes.task, again, remark)
+    found = None if again is None else _judged(meshes.task, again)
     if found is None or not found.optimum.certificate.ok:
         return best
     return min(best, found, key=lambda one: one.optimum.cost)
 
 
-def _within_margins(meshes: _Meshes, mesh: Attempt, optimum: Optimum, remark: str) -> Optimum:
+def _within_margins(meshes: _Meshes, mesh: Attempt, optimum: Optimum) -> Optimum:
     """Solve on the same mesh with larger margins until the motion is usable; the motion before if none is.
 
     An unstable motion can be repeated only under feedback, for which torques on their limits leave no range.
@@ -361,23 +360,23 @@ def _within_margins(meshes: _Meshes, mesh: Attempt, optimum: Optimum, remark: st
             break
         margins = margins.wider(task, last, margins.torque if last.landed(near) else kept)
         again = meshes.again(mesh, mesh.mesh, margins)
-        found = None if again is None else _judged(task, again, remark)
+        found = None if again is None else _judged(task, again)
         if again is None or found is None:
             break
         mesh, last = again, found.optimum
     return last if last.usable(near) else optimum
 
 
-def _judged(task: Task, attempt: Attempt, remark: str) -> _Judged | None:
+def _judged(task: Task, attempt: Attempt) -> _Judged | None:
     """Motion of a mesh, corrected to reach the goal, with its certificate; None if it does not reach the goal."""
     problem, motion = task.problem, landed(task, attempt)
     if motion is None:
         return None
     shot = motion.trajectory(problem.robot.joint_names)
     replay = replay_of(task, shot)
-    found = Optimum.of(problem, replay, len(motion.tau), None, remark)
+    found = Optimum.of(problem, replay, len(motion.tau))
     if not found.certificate.on_goal:  # unstable beyond rounding: `proof.repeat` checks its segments
-        replay, found = shot, Optimum.of(problem, shot, len(motion.tau), None, remark)
+        replay, found = shot, Optimum.of(problem, shot, len(motion.tau))
     costates = mesh_costates(problem, motion, replay, task.policy)
     to_divide = _intervals_to_divide(task, motion, replay, costates)
     certificate, saving = found.certificate, np.inf if costates is None else costates.saving

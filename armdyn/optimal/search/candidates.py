@@ -165,7 +165,7 @@ def _too_coarse(task: Task, found: Sequence[Attempt], refined: SearchResult) -> 
 
 
 def at_speed(task: Task, motion: Trajectory) -> bool:
-    """Whether a motion reaches a velocity limit, which the switching structures do not model."""
+    """Whether a motion reaches a velocity limit."""
     near = (1 - task.policy.arcs.near_speed) * task.problem.limits.velocity
     return bool(np.any(np.abs(motion.v) >= near))
 

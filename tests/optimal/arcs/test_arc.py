@@ -60,7 +60,7 @@ def test_a_blurred_switch_is_a_switch_where_one_looks_less_closely(switch, modes
     v = np.interp(t, knots, np.append(0.0, np.cumsum(torques) * 0.05))
     q = np.interp(t, knots, np.linspace(0, 1, 41))
     motion = ad.Trajectory(t, q[:, None], v[:, None], tau[:, None], problem.robot.joint_names, "mesh")
-    arcs = merged(detect(problem, motion, knots / 2, switch, ArcsPolicy()))
+    arcs = merged(detect(problem, motion, knots / 2, ArcsPolicy(switch=switch, brief=0.0)))
     assert tuple(arc.modes[0] for arc in arcs) == modes
     assert sum(arc.duration for arc in arcs) == pytest.approx(2.0)
     if switch == 4:  # the mean torque of the blur is 0: it is in the middle

@@ -397,10 +397,10 @@ def test_a_copy_is_no_reader():
     policy = Noted.of(problem)
     READ.clear()
     other = policy.changed("search", starts=3)
-    assert other == replace(other) and replace(other.arcs).at_switches
-    assert sorted(READ) == ["arcs.refined", "arcs.refined_speed"]  # by the policy's own rule for refined meshes
+    assert other == replace(other) and not replace(other.strategy).curves_alone
+    assert sorted(READ) == ["strategy.methods"]  # by the policy's own rule
     assert other.for_problem(between("r")).search.starts == 3
-    assert sorted(READ) == ["arcs.refined", "arcs.refined_speed", "search.starts"]
+    assert sorted(READ) == ["search.starts", "strategy.methods"]
 
 
 def test_no_module_reads_a_number_off_a_class():

@@ -1,7 +1,7 @@
 """Tuned numbers of refinement: arcs, their mesh, smooth optima."""
 
-from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from dataclasses import dataclass
+from typing import ClassVar
 
 from armdyn.optimal.task.policy.tuned import LARGE, PLANAR, by_kind, tuned
 
@@ -133,7 +133,7 @@ class MotionMeshPolicy:
     work: int = tuned(
         700_000,
         "intervals",
-        "times iterations of all meshes of a problem, and its structures: 5 CPU s with three joints",
+        "times iterations of all meshes of a problem: 5 CPU s with three joints",
         "random arms (RRR)",
     )
     unsettled: float = tuned(
@@ -183,8 +183,9 @@ class ArcsPolicy:
     near_speed: float = tuned(
         2e-2, "of a limit", "the same for speeds: a constant torque keeps the limit in the mean", "Panda, UR5"
     )
-    touching: float = tuned(1e-4, "of a joint's way", "a position so near its limit touches it", "RRR, ten payloads")
-    in_contact: float = tuned(5e-3, "of a joint's way", "the same for a held position", "RRR, ten payloads")
+    in_contact: float = tuned(
+        5e-3, "rad or m, or of a velocity limit", "a mesh is divided so near a limit", "RRR, ten payloads"
+    )
     switch: int = tuned(2, "intervals", "in a row off all limits are a switch; more are an arc")
     brief: float = tuned(
         5e-3,
@@ -192,8 +193,8 @@ class ArcsPolicy:
         "likewise, however many intervals of a resolved mesh, which is divided around a switch",
         "RRR, ten payloads",
     )
-    refined: float = tuned(2e-5, "of a joint's way", "`touching` and `in_contact` on such a mesh", "RRR, random pairs")
-    refined_speed: float = tuned(2e-3, "of a limit", "`near_speed` on such a mesh", "random arms (RR, seeds 1 and 9)")
+    touching: float = tuned(2e-5, "of a joint's way", "a position so near its limit is on it", "RRR, random pairs")
+    at_speed: float = tuned(2e-3, "of a limit", "a speed so near its limit is on it", "random arms (RR, seeds 1 and 9)")
     held: float = tuned(
         1e-7, "of the duration", "sensitivity to a limit, over its whole size, above which the limit is active", "RRR"
     )
@@ -217,11 +218,6 @@ class ArcsPolicy:
     near_barrier: float = tuned(1e-9, "scaled", "the same, and its push, where the guess is near")
     least_share: float = tuned(1e-6, "of the time", "a smaller share is zero up to the multipliers' errors")
     samples: int = tuned(480, "samples", "of torques that are not constant, 4 to 16 on an interval", "RRR time-energy")
-
-    @property
-    def at_switches(self) -> Self:
-        """Settings for a mesh refined at its switches, whose torques stay on their limits at the knots."""
-        return replace(self, touching=self.refined, in_contact=self.refined, near_speed=self.refined_speed)
 
 
 @dataclass(frozen=True, kw_only=True)
