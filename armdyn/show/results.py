@@ -227,8 +227,7 @@ def write_run(
         progress("drawing the figure")
         from armdyn.show.plots import plot_trajectories, save_figures
 
-        # The summary of a minimum-time solution whose arcs are not resolved has an empty list of arcs.
-        unresolved = (0,) if summary.get("arcs") == [] else ()
+        unresolved = (0,) if Facts(summary).unresolved else ()
         figure = plot_trajectories(
             list(own.values()), limits=robot.limits, title=title, unresolved=unresolved, sliding=robot.slides.tolist()
         )

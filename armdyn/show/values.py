@@ -81,7 +81,7 @@ def _problem(problem: MinimumTimeProblem) -> Html:
 @card.register
 def _solution(solution: Solution) -> Html:
     sliding, said = solution.problem.robot.slides.tolist(), solution_title(solution)
-    picture = motion_picture(solution.trajectory, solution.problem.limits, bool(solution.arcs), sliding)
+    picture = motion_picture(solution.trajectory, solution.problem.limits, solution.phases is not None, sliding)
     return _card(said, solution_words(solution), _svg(picture, f"{said}, the motion"))
 
 
@@ -206,7 +206,7 @@ def _clear(figure: Figure) -> Figure:
 
 def figure(solution: Solution) -> Figure:
     """See `Solution.plot`."""
-    problem, unresolved = solution.problem, () if solution.arcs else (0,)
+    problem, unresolved = solution.problem, () if solution.phases else (0,)
     return plot_trajectories(
         [solution.trajectory], limits=problem.limits, title=solution_title(solution), unresolved=unresolved,
         sliding=problem.robot.slides.tolist(),

@@ -150,7 +150,7 @@ def compare(shown: ShownOptions, output: OutputOptions) -> Answer:
         folder.mkdir(parents=True, exist_ok=True)
         page = write_page(folder / "report.html", report_of(subject, moves, title, shown.until))
         progress("drawing the figure")
-        unresolved = [k for k, move in enumerate(moves) if move.facts.values.get("arcs") == []]
+        unresolved = [k for k, move in enumerate(moves) if move.facts.unresolved]
         shown_until = initial_span(moves, shown.until) or shown.until
         drawn = [replace(until(move.motion, shown_until), name=move.name) for move in moves]
         figure = plot_trajectories(

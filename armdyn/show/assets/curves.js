@@ -196,8 +196,8 @@ const armdynCurves = (host, motions, names, seek, zooms) => {
       series: [{}, { stroke: "transparent", points: { show: false } }],
       hooks: { drawAxes: [self => { behind(self, []); strips(self, rows); }] },
     }, [t, t.map(() => 0)], box);
-    const known = motions.moves[0].resolved;
-    make("p", figure, (known ? "Upper half: the upper limit; lower half: the lower. Solved arcs."
+    const { resolved: known, exact } = motions.moves[0];
+    make("p", figure, (known ? `Upper half: the upper limit; lower half: the lower. ${exact ? "Solved arcs." : "Arcs read off the mesh."}`
       : "Upper half: the upper limit; lower half: the lower. Detected from the motion's samples, within 0.5 % of a limit.")
       + (motions.moves.length > 1 ? ` From above: ${motions.moves.map(move => move.name).join(", ")}.` : ""), "note");
     charts.lanes = { u, height: rows * row + 46 };

@@ -23,6 +23,11 @@ class Facts:
     def __contains__(self, name: str) -> bool:
         return name in self.values
 
+    @property
+    def unresolved(self) -> bool:
+        """Whether arcs were looked for and are not exact: there are none, or they are read off a resolved mesh."""
+        return "arcs" in self and (not self._list("arcs") or self.part("certificate").number("saving") is not None)
+
     def number(self, name: str) -> float | None:
         """A finite number."""
         return as_number(self.values.get(name))

@@ -10,7 +10,7 @@ from armdyn.arrays import Array
 from armdyn.models.values.actuator_limits import TorqueSpeed
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.markup import Html, element, join
-from armdyn.show.page.motions import ShownMotion, Subject
+from armdyn.show.page.motions import ShownMotion, Subject, arc_lanes
 from armdyn.show.page.sections import Section, stacked, td
 from armdyn.show.page.verdict import Tile, seconds, verdict_of
 from armdyn.trajectory import Trajectory
@@ -39,7 +39,8 @@ def joint_section(move: ShownMotion, subject: Subject) -> Section:
     """Peak velocity and torque of each joint, compared with its limits."""
     limits = subject.limits
     _, q, v, tau = dense(move.motion)
-    switching = [len(times) for times in move.motion.switch_times]
+    lanes = arc_lanes(move.facts, q.shape[1]) if move.facts.unresolved else []  # a mesh's own jumps are many
+    switching = [len(lane) - 1 for lane in lanes] or [len(times) for times in move.motion.switch_times]
     lower, upper = (np.broadcast_to(end, tau.shape) for end in limits.actuators.range(q, v))
     heads = ("joint", "from", "to", "peak speed", "of its limit", "peak torque", "of its limit", "jumps")
     rows = []

@@ -142,12 +142,13 @@ def _curves(move: ShownMotion, times: Array, limits: JointLimits) -> dict[str, A
         **curves,
         "lanes": lanes,
         "resolved": resolved,
+        "exact": not move.facts.unresolved,
         "switches": switches(move, lanes, resolved=resolved),
     }
 
 
 def arc_lanes(facts: Facts, joints: int) -> list[list[Segment]]:
-    """Active limit of every joint over time, from solved arcs; empty without arcs."""
+    """Active limit of every joint over time, from arcs; empty without these."""
     arcs = facts.parts("arcs")
     lengths = [arc.number("duration") for arc in arcs]
     modes = [arc.texts("modes") for arc in arcs]
@@ -195,13 +196,13 @@ def sampled_lanes(t: Array, sample: Sample, limits: JointLimits) -> list[list[Se
 def switches(move: ShownMotion, lanes: Sequence[Sequence[Segment]], *, resolved: bool) -> list[dict[str, Any]]:
     """Switching instants of a motion, and of which joints [s from the start]; at most `_TICKS`.
 
-    Of solved arcs their ends; of a motion whose arcs were looked for and not resolved none, for its jumps are a mesh's;
+    Of arcs their ends; of a motion whose arcs were looked for and not resolved none, for its jumps are a mesh's;
     of any other where its torques jump.
 
     Args:
         move: the motion.
         lanes: which limit every joint is on.
-        resolved: the lanes are solved arcs.
+        resolved: the lanes are arcs.
     """
     start, duration = float(move.motion.t[0]), move.motion.duration
     if resolved:

@@ -62,6 +62,15 @@ def test_a_bare_motion_s_jumps_are_ticks_and_a_mesh_s_are_not():
     assert mesh["switches"] == []
 
 
+def test_arcs_that_are_read_off_a_mesh_are_no_exact_ones():
+    robot, move = judged()
+    read = Facts({**move.facts.values, "certificate": {"saving": 1e-6}})
+    assert read.unresolved and not move.facts.unresolved
+    known, mesh = (data_of(replace(move, facts=f), robot=robot)["moves"][0] for f in (move.facts, read))
+    assert (known["exact"], mesh["exact"]) == (True, False)
+    assert (mesh["lanes"], mesh["switches"]) == (known["lanes"], known["switches"])
+
+
 def test_without_arcs_the_samples_say_it():
     robot, motion = bang_bang()
     robot = replace(robot, limits=replace(robot.limits, effort_lower=[-LIMIT] * 2, effort_upper=[LIMIT] * 2))
