@@ -24,7 +24,7 @@ from search_statistics import problem_of
 import armdyn as ad
 from armdyn.control.tracking.arrival import Arrival
 from armdyn.files import write_whole
-from armdyn.optimal.refine.optimum import trajectory_cost
+from armdyn.optimal.verify.optimum import trajectory_cost
 from armdyn.paper import PAYLOADS
 from armdyn.paper.continuous_pid import ContinuousLoop, simulate
 from armdyn.paper.printed.loop import PAPER_RULE

@@ -27,9 +27,9 @@ from scipy.stats import binomtest
 
 import armdyn as ad
 from armdyn.optimal.minimum_time import solve_task
-from armdyn.optimal.task.policy import Policy
-from armdyn.optimal.task.search_level import SEARCH_LEVELS
-from armdyn.optimal.task.task import Task
+from armdyn.optimal.problem.policy import Policy
+from armdyn.optimal.problem.search_level import SEARCH_LEVELS
+from armdyn.optimal.problem.task import Task
 
 SAME = 1e-6
 """Largest relative difference of two durations that count as the same optimum."""

@@ -9,7 +9,7 @@ import numpy as np
 
 import armdyn as ad
 from armdyn.optimal.minimum_time import solve_task
-from armdyn.optimal.task.task import Task
+from armdyn.optimal.problem.task import Task
 
 CASES = Path(__file__).parent / "cases"
 """Published problems, a folder each: the robot as a URDF, and `case.json` with poses, limits and known answers."""

@@ -20,12 +20,12 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ProblemError, TrajectoryError
 from armdyn.models.scene.collision import collision_model
 from armdyn.models.scene.obstacles import SHAPES, obstacle_entry
-from armdyn.optimal.path_constraints.frame_limits import FrameSpeedLimit
-from armdyn.optimal.path_constraints.registry import path_constraints_of
-from armdyn.optimal.path_constraints.tightened import TightenedConstraints
-from armdyn.optimal.program.interval import CollocationInterval
-from armdyn.optimal.search.starts import spline
-from armdyn.optimal.task.task import Task
+from armdyn.optimal.constraints.frame_limits import FrameSpeedLimit
+from armdyn.optimal.constraints.registry import path_constraints_of
+from armdyn.optimal.constraints.tightened import TightenedConstraints
+from armdyn.optimal.mesh.interval import CollocationInterval
+from armdyn.optimal.mesh.starts import spline
+from armdyn.optimal.problem.task import Task
 from armdyn.show.visuals import obstacle_shapes
 from armdyn.studies.tasks.registry import TASKS
 from armdyn.studies.tasks.task import result_of

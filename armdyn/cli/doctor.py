@@ -82,7 +82,7 @@ def doctor(
         facts["policy"] = policy_facts(rows)
         shown.append(policy_table(arm.name, rows))
     if build:
-        from armdyn.optimal.flat.equations import torque_equations
+        from armdyn.optimal.curves.equations import torque_equations
 
         started = time.perf_counter()
         with working(f"machine code of {arm.name}"):
@@ -133,7 +133,7 @@ def _policy(robot: ad.Robot) -> list[PolicyRow]:
     """The policy of a robot's minimum-time problems without path constraints, for all poses."""
     import numpy as np
 
-    from armdyn.optimal.task.policy import Policy
+    from armdyn.optimal.problem.policy import Policy
 
     lower, upper = robot.limits.position_lower, robot.limits.position_upper
     start = np.clip(np.zeros(robot.nv), lower, upper)

@@ -19,8 +19,8 @@ from armdyn.cycle.steps import Grasp, Move
 from armdyn.errors import CycleError, ProblemError
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.minimum_time import solve_minimum_time
+from armdyn.optimal.problem.options import MinimumTimeOptions
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.task.options import MinimumTimeOptions
 
 RAISED = 0.1
 """Fraction by which limits are raised: 10 %."""

@@ -16,8 +16,8 @@ from armdyn.cycle.posing import check_paths, problem_of
 from armdyn.cycle.stops import candidates, limits_of, redundant, with_slid
 from armdyn.errors import CycleError
 from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.problem.policy.search import CyclePolicy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.task.policy.search import CyclePolicy
 
 Arc = tuple[int, int]
 """A move from a stop: the numbers of the stop and of the move, from 0 on."""

@@ -15,7 +15,7 @@ from armdyn.optimal.bound.covers import covers
 from armdyn.optimal.bound.effort import Effort, Stopped
 from armdyn.optimal.bound.lattice import Lattice, Region
 from armdyn.optimal.bound.leg import BoundLeg, legs_of
-from armdyn.optimal.task.policy.bound import BoundPolicy
+from armdyn.optimal.problem.policy.bound import BoundPolicy
 
 
 def order_bound(graph: CycleGraph, enough: float, effort: Effort) -> float:

@@ -17,8 +17,8 @@ from armdyn.locks import cached_property
 from armdyn.models.robots.loads import load_of
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.proof.certificate import VELOCITY_TOLERANCE
-from armdyn.optimal.proof.sensitivity import Share
+from armdyn.optimal.verify.certificate import VELOCITY_TOLERANCE
+from armdyn.optimal.verify.sensitivity import Share
 from armdyn.reprs import brief, called, gap_words, percent
 from armdyn.trajectory import Trajectory
 

@@ -23,10 +23,10 @@ from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.effort import Effort
 from armdyn.optimal.bound.lower_bound import least_duration
 from armdyn.optimal.minimum_time import solve_task
+from armdyn.optimal.problem.options import MinimumTimeOptions
+from armdyn.optimal.problem.policy.search import CyclePolicy
 from armdyn.optimal.problem.status import Status, Stop, stopping
-from armdyn.optimal.task.options import MinimumTimeOptions
-from armdyn.optimal.task.policy.search import CyclePolicy
-from armdyn.optimal.task.task import Task
+from armdyn.optimal.problem.task import Task
 from armdyn.parallel import in_processes
 
 Report = Callable[[str], None]

@@ -11,10 +11,10 @@ from armdyn.errors import CycleError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import GoalPose, free_directions, poses_reaching
 from armdyn.models.values.joint_limits import JointLimits
+from armdyn.optimal.curves.goals import slid_chain
 from armdyn.optimal.problem.checks import holding_deficits
 from armdyn.optimal.problem.planning_limits import Reserve, limits_under, resolved_limits
-from armdyn.optimal.search.goals import slid_chain
-from armdyn.optimal.task.policy.search import CyclePolicy, GoalPolicy
+from armdyn.optimal.problem.policy.search import CyclePolicy, GoalPolicy
 
 
 def limits_of(cycle: Cycle) -> JointLimits:

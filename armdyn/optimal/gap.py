@@ -19,14 +19,14 @@ from armdyn.models.robots.loads import robots_of
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.answer.solution import Solution
-from armdyn.optimal.arcs.arc import runs_of
-from armdyn.optimal.landing.limit_violations import proven, torque_excess
-from armdyn.optimal.landing.rollout import Segments, expect_motion_of, replay_torques
 from armdyn.optimal.minimum_time import solve_minimum_time
+from armdyn.optimal.problem.options import MinimumTimeOptions
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
-from armdyn.optimal.proof.repeat import OPEN_LOOP_GROWTH
-from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.optimal.verify.arc import runs_of
+from armdyn.optimal.verify.limit_violations import proven, torque_excess
+from armdyn.optimal.verify.repeat import OPEN_LOOP_GROWTH
+from armdyn.optimal.verify.rollout import Segments, expect_motion_of, replay_torques
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.interpolation import KEPT

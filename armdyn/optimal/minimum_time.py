@@ -17,19 +17,20 @@ from armdyn.optimal.answer.assembly import assembled, ended_by_time, failed, kin
 from armdyn.optimal.answer.goals import fastest_goal
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.bound.lower_bound import least_duration
+from armdyn.optimal.constraints.tightened import TightenedConstraints
+from armdyn.optimal.curves.curves import cruise, curves, rough_motions
+from armdyn.optimal.curves.profiles import profiles
+from armdyn.optimal.mesh.bang import minimum_time
+from armdyn.optimal.mesh.candidates import SearchResult
+from armdyn.optimal.mesh.constrained import constrained
+from armdyn.optimal.mesh.smooth import time_energy
+from armdyn.optimal.problem.options import MinimumTimeOptions
+from armdyn.optimal.problem.policy.policy import Method
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.status import Status, Stop, stopping
-from armdyn.optimal.refine.bang import minimum_time
-from armdyn.optimal.refine.constrained import constrained, with_clearances, without_obstacles
-from armdyn.optimal.refine.curves import cruise, curves
-from armdyn.optimal.refine.optimum import Optimum
-from armdyn.optimal.refine.profiles import profiles
-from armdyn.optimal.refine.slowing import slowed
-from armdyn.optimal.refine.smooth import time_energy
-from armdyn.optimal.search.candidates import SearchResult
-from armdyn.optimal.task.options import MinimumTimeOptions
-from armdyn.optimal.task.policy.policy import Method
-from armdyn.optimal.task.task import Task
+from armdyn.optimal.problem.task import Task
+from armdyn.optimal.verify.optimum import Optimum
+from armdyn.optimal.verify.slowing import slowed
 from armdyn.parallel import ForkPool, concurrently, job_pool, one_blas_thread
 
 METHODS: dict[Method, Callable[[Task], tuple[list[Optimum], SearchResult]]] = {
@@ -37,7 +38,7 @@ METHODS: dict[Method, Callable[[Task], tuple[list[Optimum], SearchResult]]] = {
     "cruise": cruise,
     "arcs": minimum_time,
     "time-energy": time_energy,
-    "mesh": constrained,
+    "mesh": lambda task: constrained(task, rough_motions(task)),
     "curves": curves,
 }
 """Refinement methods: each maps a task to its refined and replayed optima and the statistics of its search."""
@@ -143,11 +144,11 @@ def refined(task: Task) -> tuple[list[Optimum], SearchResult]:
 
 def _by(method: Method, task: Task) -> tuple[list[Optimum], SearchResult]:
     """Optima by one method; only curves avoid obstacles, the other methods ignore them, and clearances are checked."""
-    free = without_obstacles(task) if method != "curves" else None
+    free = _without_obstacles(task) if method != "curves" else None
     if free is None:
         return METHODS[method](task)
     optima, searched = METHODS[method](free)
-    return with_clearances(task, optima), searched
+    return _with_clearances(task, optima), searched
 
 
 def _certified(task: Task, optimum: Optimum) -> bool:
@@ -312,3 +313,24 @@ def _solved(problem: MinimumTimeProblem, options: MinimumTimeOptions) -> Solutio
         return solve_minimum_time(problem, options)
     except Exception as error:  # reported by its solution; the other problems are solved
         return without_motion(problem, Status.FAILED, f"{type(error).__name__}: {error}")
+
+
+def _without_obstacles(task: Task) -> Task | None:
+    """The task without obstacles and self-collision; None if there are none."""
+    if not task.problem.has_clearance:
+        return None
+    task.progress("the motion without obstacles")
+    return task.for_problem(task.problem.without_obstacles())
+
+
+def _with_clearances(task: Task, optima: Sequence[Optimum]) -> list[Optimum]:
+    """Optima of the task without obstacles, with reports on all constraints of the task.
+
+    Args:
+        task: task with obstacles.
+        optima: optima of the task `_without_obstacles`.
+    """
+    constraints = TightenedConstraints.of(task)
+    return [
+        replace(one, reports=constraints.check(task.problem, one.trajectory, np.array(one.via_times))) for one in optima
+    ]

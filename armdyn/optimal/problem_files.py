@@ -17,12 +17,12 @@ from armdyn.models.scene.obstacles import obstacle_from
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.models.scene.scenes import load_scene
 from armdyn.models.values.placement import pose_of
-from armdyn.optimal.path_constraints.constraint import PathConstraint
-from armdyn.optimal.path_constraints.frame_limits import FrameRegion
-from armdyn.optimal.path_constraints.registry import path_constraint_from
+from armdyn.optimal.constraints.constraint import PathConstraint
+from armdyn.optimal.constraints.frame_limits import FrameRegion
+from armdyn.optimal.constraints.registry import path_constraint_from
+from armdyn.optimal.problem.options import MinimumTimeOptions
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.robot_tables import robot_from
-from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.parsing.toml import Table, read_toml
 
 TABLES = ("robot", "problem", "options")

@@ -14,21 +14,20 @@ from numpy.typing import ArrayLike
 from armdyn.arguments import expect, numbers, whole
 from armdyn.arrays import Array, Index
 from armdyn.errors import ProblemError
-from armdyn.optimal.flat.basis import Basis
-from armdyn.optimal.flat.curve import Curve, CurveLeg
-from armdyn.optimal.flat.nlp_data import CurveSpec, assemble_curve, curve_layout, rows_of
-from armdyn.optimal.flat.program import build
-from armdyn.optimal.flat.refinement import sampled
-from armdyn.optimal.flat.solve import units_of
-from armdyn.optimal.path_constraints.rows import with_rows
-from armdyn.optimal.path_constraints.tightened import TightenedConstraints
+from armdyn.optimal.constraints.tightened import TightenedConstraints
+from armdyn.optimal.curves.basis import Basis
+from armdyn.optimal.curves.curve import Curve, CurveLeg
+from armdyn.optimal.curves.nlp_data import CurveSpec, assemble_curve, curve_layout, rows_of
+from armdyn.optimal.curves.program import build
+from armdyn.optimal.curves.refinement import sampled
+from armdyn.optimal.curves.solve import straight_curve, units_of
+from armdyn.optimal.mesh.assembly import Block, Program, with_rows
+from armdyn.optimal.mesh.direct import assemble_mesh, legs_of
+from armdyn.optimal.mesh.solver import NlpData
+from armdyn.optimal.mesh.starts import spline
+from armdyn.optimal.problem.options import MinimumTimeOptions
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.program.assembly import Block, Program
-from armdyn.optimal.search.starts import spline, straight_curve
-from armdyn.optimal.solve.direct import assemble_mesh, legs_of
-from armdyn.optimal.solve.solver import NlpData
-from armdyn.optimal.task.options import MinimumTimeOptions
-from armdyn.optimal.task.task import Task
+from armdyn.optimal.problem.task import Task
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 

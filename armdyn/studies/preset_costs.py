@@ -10,9 +10,9 @@ from armdyn.arguments import expect, listener
 from armdyn.errors import ProblemError
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.minimum_time import solve_minimum_time
+from armdyn.optimal.problem.options import MinimumTimeOptions
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.task.options import MinimumTimeOptions
 
 REACHED = 0.95
 """Share of a limit from which a condition may cost time; one that stays below it is not solved without."""

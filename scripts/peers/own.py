@@ -3,12 +3,13 @@
 from protocol import INTERVALS, Answer, main
 
 import armdyn as ad
-from armdyn.optimal.flat.equations import torque_equations
-from armdyn.optimal.flat.follow import follow
-from armdyn.optimal.flat.refinement import refine_curve, sampled
-from armdyn.optimal.search.starts import spline, straight_curve
-from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
-from armdyn.optimal.task.task import Task
+from armdyn.optimal.curves.equations import torque_equations
+from armdyn.optimal.curves.refinement import refine_curve, sampled
+from armdyn.optimal.curves.solve import straight_curve
+from armdyn.optimal.mesh.condensed import prepare_quickly, solve_quickly
+from armdyn.optimal.mesh.starts import spline
+from armdyn.optimal.problem.task import Task
+from armdyn.optimal.verify.follow import follow
 
 
 def build(problem, method):

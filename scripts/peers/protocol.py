@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import armdyn as ad
-from armdyn.optimal.search.starts import spline
+from armdyn.optimal.mesh.starts import spline
 from armdyn.paper import PAYLOAD, example
 
 INTERVALS = 50

@@ -14,7 +14,7 @@ import pytest
 import armdyn as ad
 from armdyn.cli.motion.cycle import rate_of
 from armdyn.errors import ProblemError
-from armdyn.optimal.task.policy.search import CyclePolicy
+from armdyn.optimal.problem.policy.search import CyclePolicy
 from armdyn.parallel import core_count
 from armdyn.trajectory.formats import FORMATS
 from cli.command import COMMAND, answer, run, run_here, run_json

@@ -13,7 +13,7 @@ import armdyn as ad
 from armdyn.cli import invocation
 from armdyn.cli.invocation import in_options
 from armdyn.errors import ProblemError
-from armdyn.optimal.path_constraints.registry import PATH_CONSTRAINTS
+from armdyn.optimal.constraints.registry import PATH_CONSTRAINTS
 from cli.command import app, run_here, run_json
 
 SOURCE = Path(ad.__file__).parent

@@ -12,7 +12,7 @@ from armdyn.cli.options.joints import carried_facts, carried_words
 from armdyn.models.scene.collision import Clearance
 from armdyn.optimal.answer.table import solution_words, title_words
 from armdyn.optimal.answer.words import replay_words
-from armdyn.optimal.proof.certificate import Certificate
+from armdyn.optimal.verify.certificate import Certificate
 from problems import solved
 
 

@@ -14,11 +14,11 @@ from armdyn.codegen.deadline import NoTimeError, until
 from armdyn.optimal.answer.assembly import assembled
 from armdyn.optimal.answer.solution import minimum_time_summary
 from armdyn.optimal.answer.table import solution_words, title_words
-from armdyn.optimal.arcs.phases import Unresolved
-from armdyn.optimal.flat.program import CurveLayout, build
+from armdyn.optimal.curves.program import CurveLayout, build
+from armdyn.optimal.mesh.phases import Unresolved
+from armdyn.optimal.mesh.smooth import time_energy
 from armdyn.optimal.problem.status import Stop
-from armdyn.optimal.refine.smooth import time_energy
-from armdyn.optimal.task.task import Task
+from armdyn.optimal.problem.task import Task
 from oracles import joint, link, urdf
 from problems import paper_problem, solved
 
@@ -45,7 +45,7 @@ def test_time_limit_returns_the_best_so_far():
 @pytest.mark.parametrize("more", [{}, {"effort_weight": 1.0}, {"acceleration_limit": 50.0}])
 def test_nothing_is_built_when_the_time_is_up(more, monkeypatch):
     """A hundredth of a second is gone when the search begins: then it ends without a program, or a fork."""
-    monkeypatch.setattr("armdyn.optimal.task.task.Task.in_time", lambda *_: pytest.fail("a program is built"))
+    monkeypatch.setattr("armdyn.optimal.problem.task.Task.in_time", lambda *_: pytest.fail("a program is built"))
     solution = ad.solve_minimum_time(paper_problem("rrr", **more), ad.MinimumTimeOptions(time_limit=1e-9))
     assert solution.status is ad.Status.TIME_LIMIT and not solution.moves
     assert solution.message == "no motion was found: the time limit of 1e-09 s ended the search"
@@ -149,7 +149,7 @@ def test_optima_that_only_a_coarse_mesh_has_are_none_and_a_curve_is_the_answer(m
         phases = solved("r").phases
         return Unresolved("Restoration Failed", ad.Status.INFEASIBLE, 7, phases)
 
-    monkeypatch.setattr("armdyn.optimal.refine.smooth.resolved_near", resist)
+    monkeypatch.setattr("armdyn.optimal.mesh.smooth.resolved_near", resist)
     problem = paper_problem("r", effort_weight=1.0, effort_limit=30.0)
     optima, found = time_energy(Task.of(problem))
     assert not optima and found.failed[0].status is ad.Status.INFEASIBLE
@@ -212,7 +212,7 @@ BALL = ad.Sphere((0.3, 0, -0.1), 0.06, name="ball")
 
 @pytest.mark.slow
 def test_a_crowded_problem_without_a_way_says_so_though_a_motion_that_touches_was_found(monkeypatch):
-    monkeypatch.setattr("armdyn.optimal.refine.planned_paths.plan_paths", lambda *_, **__: iter(()))
+    monkeypatch.setattr("armdyn.optimal.curves.planned_paths.plan_paths", lambda *_, **__: iter(()))
     solution = ad.solve_minimum_time(paper_problem("rr", obstacles=[BALL]))
     assert solution.status is ad.Status.INFEASIBLE and not solution.success
     said = "no collision-free path was found in 200000 collision checks, the planner's budget; without obstacles "

@@ -13,7 +13,7 @@ import pytest
 import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.optimal import minimum_time
-from armdyn.optimal.refine.optimum import trajectory_cost
+from armdyn.optimal.verify.optimum import trajectory_cost
 from problems import cart, luus_problem, paper_arm, paper_problem, solve, solved
 
 # Exact bang-bang durations of Example 1 [s], payload at the tip, by quadrature of the energy integral.

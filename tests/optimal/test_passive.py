@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.arcs.arc import Mode
+from armdyn.optimal.verify.arc import Mode
 from armdyn.paper import solve_indirect
 from problems import miss, solve
 from underactuated import BY_HAND, bang_bang_duration, linear_side_move

@@ -10,11 +10,11 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError
-from armdyn.optimal.flat.nlp_data import CurveSpec
-from armdyn.optimal.flat.solve import solve_curve
-from armdyn.optimal.search.starts import spline, straight_curve
-from armdyn.optimal.solve.direct import solve_on_mesh
-from armdyn.optimal.task.task import Task
+from armdyn.optimal.curves.nlp_data import CurveSpec
+from armdyn.optimal.curves.solve import solve_curve, straight_curve
+from armdyn.optimal.mesh.direct import solve_on_mesh
+from armdyn.optimal.mesh.starts import spline
+from armdyn.optimal.problem.task import Task
 from problems import POSES, paper_arm, paper_problem
 
 PAGE = Path(__file__).parents[2] / "docs" / "programs.md"

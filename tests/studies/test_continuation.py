@@ -7,7 +7,7 @@ import pytest
 import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.optimal import Status
-from armdyn.optimal.refine.optimum import trajectory_cost
+from armdyn.optimal.verify.optimum import trajectory_cost
 from armdyn.studies.continuation import continuation
 from armdyn.studies.tasks import minimum_time as module
 from problems import paper_problem

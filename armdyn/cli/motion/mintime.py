@@ -20,7 +20,7 @@ from armdyn.cli.options.joints import carried_facts, carried_words, friction_fac
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.task import ProblemOptions
 from armdyn.errors import ProblemError
-from armdyn.optimal.task.search_level import SearchLevel
+from armdyn.optimal.problem.search_level import SearchLevel
 
 _CHEAP = 2.0
 """Time of a solve [s] below which the motion is solved again for the saving by more of the first deciding limit, some

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def _explained(texts: list[str] | None) -> list[str] | None:
     """`--limit help` lists the limits, and ends."""
     if "help" in (texts or ()):
-        from armdyn.optimal.path_constraints.registry import options
+        from armdyn.optimal.constraints.registry import options
 
         for name, kind in options().items():
             typer.echo(f"--limit {name}={kind.metavar}\n    {kind.help}")
@@ -126,7 +126,7 @@ class PathConstraintOptions(SceneOptions):
         Raises:
             ProblemError: a text does not fit its option.
         """
-        from armdyn.optimal.path_constraints.registry import path_constraint_from
+        from armdyn.optimal.constraints.registry import path_constraint_from
 
         return {
             "via": [positions(text, "--via", robot) for text in self.via or ()],

@@ -8,14 +8,14 @@ from functools import partial
 
 import numpy as np
 
-from armdyn.optimal.landing.limit_violations import can_be_slowed
-from armdyn.optimal.path_constraints.constraint import ConstraintReport
+from armdyn.optimal.constraints.constraint import ConstraintReport
+from armdyn.optimal.problem.options import MinimumTimeOptions
+from armdyn.optimal.problem.policy.policy import Policy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.proof.certificate import GAP_TOLERANCE, ON_CURVE, Certificate
-from armdyn.optimal.task.options import MinimumTimeOptions
-from armdyn.optimal.task.policy.policy import Policy
-from armdyn.optimal.task.task import Task
+from armdyn.optimal.problem.task import Task
+from armdyn.optimal.verify.certificate import GAP_TOLERANCE, ON_CURVE, Certificate
+from armdyn.optimal.verify.limit_violations import can_be_slowed
 from armdyn.reprs import percent
 
 _HOLD = "choose poses that its motors can hold, carry less `payload`, raise `effort_limit`"

@@ -7,15 +7,15 @@ import numpy as np
 
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.answer.words import replay_words
+from armdyn.optimal.mesh.candidates import SearchResult
+from armdyn.optimal.mesh.land import as_replayed, with_adjoint_check
+from armdyn.optimal.mesh.multistart import grouped, within
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status, Violation
-from armdyn.optimal.proof.certificate import Certificate
-from armdyn.optimal.proof.sensitivity import deciding
-from armdyn.optimal.refine.land import as_replayed, with_adjoint_check
-from armdyn.optimal.refine.optimum import Optimum
-from armdyn.optimal.search.candidates import SearchResult
-from armdyn.optimal.search.multistart import grouped, within
-from armdyn.optimal.task.task import Task
+from armdyn.optimal.problem.task import Task
+from armdyn.optimal.verify.certificate import Certificate
+from armdyn.optimal.verify.optimum import Optimum
+from armdyn.optimal.verify.sensitivity import deciding
 from armdyn.reprs import joint_unit
 from armdyn.trajectory import Trajectory
 

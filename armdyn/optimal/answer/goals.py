@@ -12,12 +12,12 @@ from armdyn.models.scene.reaching import GoalPose, slid
 from armdyn.optimal.answer.assembly import ended_in_time, with_certificate
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.bound.lower_bound import least_duration
+from armdyn.optimal.curves.goals import GoalResult, screened
+from armdyn.optimal.problem.policy.search import GoalPolicy
 from armdyn.optimal.problem.status import Status, Stop, stopping
-from armdyn.optimal.proof.certificate import TRANSVERSALITY_TOLERANCE
-from armdyn.optimal.proof.sensitivity import end_gradient, transversality
-from armdyn.optimal.search.goals import GoalResult, screened
-from armdyn.optimal.task.policy.search import GoalPolicy
-from armdyn.optimal.task.task import Task
+from armdyn.optimal.problem.task import Task
+from armdyn.optimal.verify.certificate import TRANSVERSALITY_TOLERANCE
+from armdyn.optimal.verify.sensitivity import end_gradient, transversality
 
 Solve = Callable[[Task, float], Solution]
 

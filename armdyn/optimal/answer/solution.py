@@ -11,15 +11,15 @@ from armdyn.files import attributes
 from armdyn.models.scene.collision import Clearance
 from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.answer.words import assessment, checks, paragraph, verdict
-from armdyn.optimal.arcs.arc import Arc
-from armdyn.optimal.arcs.costates import Costates
-from armdyn.optimal.arcs.phases import Phases
-from armdyn.optimal.path_constraints.constraint import ConstraintReport
+from armdyn.optimal.constraints.constraint import ConstraintReport
+from armdyn.optimal.curves.goals import GoalResult
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status, Violation
-from armdyn.optimal.proof.certificate import Certificate
-from armdyn.optimal.proof.sensitivity import Sensitivities, Share, sensitivities
-from armdyn.optimal.search.goals import GoalResult
+from armdyn.optimal.verify.arc import Arc
+from armdyn.optimal.verify.certificate import Certificate
+from armdyn.optimal.verify.costates import Costates
+from armdyn.optimal.verify.phases import Phases
+from armdyn.optimal.verify.sensitivity import Sensitivities, Share, sensitivities
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called
 from armdyn.trajectory import Trajectory

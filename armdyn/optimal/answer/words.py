@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.proof.certificate import Certificate
+from armdyn.optimal.verify.certificate import Certificate
 from armdyn.reprs import gap_words, joint_unit, joints_of, percent, saving_words, short_time
 
 if TYPE_CHECKING:

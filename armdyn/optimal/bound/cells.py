@@ -21,7 +21,7 @@ from armdyn.optimal.bound.interval import Interval, joined, stacked
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.reach import torques
 from armdyn.optimal.bound.region import BoundRegion
-from armdyn.optimal.task.policy.bound import BoundPolicy
+from armdyn.optimal.problem.policy.bound import BoundPolicy
 
 _EDGE = 1e-9
 """Share of an instant by which cells of two divisions overlap, to cover rounding of their ends."""

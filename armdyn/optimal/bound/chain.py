@@ -26,10 +26,10 @@ from armdyn.optimal.bound.leg import BoundLeg, legs_of
 from armdyn.optimal.bound.leg_bound import Passage
 from armdyn.optimal.bound.reach import least_time
 from armdyn.optimal.bound.region import BoundRegion
-from armdyn.optimal.path_constraints.frame_limits import FrameRegion
-from armdyn.optimal.path_constraints.registry import path_constraints_of
+from armdyn.optimal.constraints.frame_limits import FrameRegion
+from armdyn.optimal.constraints.registry import path_constraints_of
+from armdyn.optimal.problem.policy.bound import BoundPolicy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.task.policy.bound import BoundPolicy
 
 
 def chain_bound(

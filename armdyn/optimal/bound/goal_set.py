@@ -30,7 +30,7 @@ from armdyn.optimal.bound.closure import chain_to, closure
 from armdyn.optimal.bound.enclosure import Affine
 from armdyn.optimal.bound.interval import TURN, Interval, down, joined, rounding, up
 from armdyn.optimal.bound.reach import least_time
-from armdyn.optimal.task.policy.bound import BoundPolicy
+from armdyn.optimal.problem.policy.bound import BoundPolicy
 
 TOLERANCE = 10 * REACHED
 """Tolerance of every equation [m and of a rotation's entries]: inverse kinematics within `REACHED` are in the set,

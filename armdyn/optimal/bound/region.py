@@ -25,7 +25,7 @@ from armdyn.optimal.bound.goal_set import TOLERANCE, narrowed
 from armdyn.optimal.bound.interval import Interval, sum_down
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.reach import least_time
-from armdyn.optimal.task.policy.bound import BoundPolicy
+from armdyn.optimal.problem.policy.bound import BoundPolicy
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,13 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.dynamics.numeric import joint_inertia
-from armdyn.optimal.arcs.arc import Arc, Mode
-from armdyn.optimal.arcs.phases import TABLEAU, Phases, motion_of
-from armdyn.optimal.landing.rollout import gauss_steps, replay_of, transitions
 from armdyn.optimal.polish.newton import BangMotion, bang_motion, fastest
 from armdyn.optimal.polish.shooting import BangShooting, carried
 from armdyn.optimal.polish.structure import Switches, switches_of
-from armdyn.optimal.task.task import Task
+from armdyn.optimal.problem.task import Task
+from armdyn.optimal.verify.arc import Arc, Mode
+from armdyn.optimal.verify.phases import TABLEAU, Phases, motion_of
+from armdyn.optimal.verify.rollout import gauss_steps, replay_of, transitions
 from armdyn.trajectory import Trajectory
 
 

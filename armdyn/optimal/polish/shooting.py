@@ -11,11 +11,11 @@ import numpy as np
 
 from armdyn.arrays import Array, Index
 from armdyn.dynamics.numeric import forward_dynamics, forward_dynamics_derivatives
-from armdyn.optimal.landing.rollout import gauss_steps, transitions
 from armdyn.optimal.polish.structure import Switches
+from armdyn.optimal.problem.policy import Policy
+from armdyn.optimal.problem.policy.refinement import AdjointPolicy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.task.policy import Policy
-from armdyn.optimal.task.policy.refinement import AdjointPolicy
+from armdyn.optimal.verify.rollout import gauss_steps, transitions
 
 
 @dataclass(frozen=True, eq=False)

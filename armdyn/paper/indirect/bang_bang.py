@@ -7,8 +7,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from armdyn.arrays import Array
-from armdyn.optimal.arcs.arc import Arc, Mode
 from armdyn.optimal.problem.status import Status, Stop
+from armdyn.optimal.verify.arc import Arc, Mode
 from armdyn.paper.indirect.canonical import CanonicalSystem, columns
 
 RTOL = 1e-12

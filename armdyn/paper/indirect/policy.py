@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
+from armdyn.optimal.problem.policy.tuned import by_kind, tuned
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.task.policy.tuned import by_kind, tuned
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,12 +9,12 @@ from scipy.interpolate import CubicSpline
 from armdyn.arguments import expect, flag, number, one_of, shown, whole
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError
-from armdyn.optimal.arcs.arc import Arc
-from armdyn.optimal.arcs.phases import TABLEAU, Phases
-from armdyn.optimal.landing.limit_violations import excesses
+from armdyn.optimal.problem.options import MAX_STARTS
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.task.options import MAX_STARTS
+from armdyn.optimal.verify.arc import Arc
+from armdyn.optimal.verify.limit_violations import excesses
+from armdyn.optimal.verify.phases import TABLEAU, Phases
 from armdyn.paper.indirect.bang_bang import BangBangExtremal, BangBangProblem
 from armdyn.paper.indirect.boundary import BoundaryExtremal, BoundaryProblem
 from armdyn.paper.indirect.canonical import columns

@@ -17,14 +17,14 @@ from armdyn.arguments import expect
 from armdyn.errors import ProblemError
 from armdyn.locks import cached_property
 from armdyn.optimal.answer.solution import Solution
-from armdyn.optimal.arcs.arc import HELD
-from armdyn.optimal.arcs.phases import Phases
+from armdyn.optimal.mesh.smooth import resolved_near, smooth_optima
+from armdyn.optimal.mesh.starts import spline
+from armdyn.optimal.problem.options import MinimumTimeOptions
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.status import Status, Stop, stopping
-from armdyn.optimal.refine.smooth import resolved_near, smooth_optima
-from armdyn.optimal.search.starts import spline
-from armdyn.optimal.task.options import MinimumTimeOptions
-from armdyn.optimal.task.task import Task
+from armdyn.optimal.problem.task import Task
+from armdyn.optimal.verify.arc import HELD
+from armdyn.optimal.verify.phases import Phases
 from armdyn.paper.indirect.bang_bang import BangBangProblem, guess_arcs
 from armdyn.paper.indirect.boundary import BoundaryExtremal, BoundaryProblem, solve_lobatto, solve_trapezoidal
 from armdyn.paper.indirect.canonical import CanonicalSystem, canonical_system

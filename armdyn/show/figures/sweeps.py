@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from armdyn.arrays import Array, Flags
-from armdyn.optimal.proof.certificate import GAP_TOLERANCE
+from armdyn.optimal.verify.certificate import GAP_TOLERANCE
 from armdyn.reprs import percent
 from armdyn.show.figures.style import COLORS, INK, LOOK, literal, one_panel
 

@@ -20,8 +20,8 @@ from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.scene.reaching import GoalPose, approached, frame_placement
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.minimum_time import solve_minimum_time
+from armdyn.optimal.problem.options import MinimumTimeOptions
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.show.studio.solving import NewestFirst
 from armdyn.show.studio.state import StudioState, carrying, fitting_presets, problem_of, slider_limits
 

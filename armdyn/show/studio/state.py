@@ -17,8 +17,8 @@ from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.obstacles import Box, Capsule, Cylinder, Obstacle, Sphere, obstacle_entry, obstacle_from
 from armdyn.models.scene.shapes import primitive
 from armdyn.models.values.spec import Payload
+from armdyn.optimal.problem.options import MAX_CALM
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.task.options import MAX_CALM
 
 MOST_RESERVE = 0.9
 """Largest reserve on the page [-]: more leaves hardly a motion."""

@@ -7,9 +7,9 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.answer.advice import advice
-from armdyn.optimal.path_constraints.constraint import ConstraintReport
+from armdyn.optimal.constraints.constraint import ConstraintReport
 from armdyn.optimal.problem.status import Violation
-from armdyn.optimal.proof.certificate import ON_CURVE, Certificate
+from armdyn.optimal.verify.certificate import ON_CURVE, Certificate
 from problems import paper_problem, solved
 
 LANDED = Certificate(1e-9, 1e-9, 0.0)

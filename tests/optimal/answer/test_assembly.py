@@ -8,16 +8,16 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.answer.assembly import assembled, failed
 from armdyn.optimal.answer.solution import minimum_time_summary
-from armdyn.optimal.path_constraints.constraint import ConstraintReport
-from armdyn.optimal.path_constraints.tightened import ConstraintReports
+from armdyn.optimal.constraints.constraint import ConstraintReport
+from armdyn.optimal.constraints.tightened import ConstraintReports
+from armdyn.optimal.mesh.candidates import SearchResult
+from armdyn.optimal.mesh.direct import Attempt
+from armdyn.optimal.mesh.starts import spline
 from armdyn.optimal.problem.status import Stop, Violation
-from armdyn.optimal.proof.certificate import Certificate
-from armdyn.optimal.proof.sensitivity import Share
-from armdyn.optimal.refine.optimum import Optimum
-from armdyn.optimal.search.candidates import SearchResult
-from armdyn.optimal.search.starts import spline
-from armdyn.optimal.solve.direct import Attempt
-from armdyn.optimal.task.task import Task
+from armdyn.optimal.problem.task import Task
+from armdyn.optimal.verify.certificate import Certificate
+from armdyn.optimal.verify.optimum import Optimum
+from armdyn.optimal.verify.sensitivity import Share
 from problems import paper_problem, solved
 
 FAST = Violation("velocity limit", "joint2", 0.05, 5.6e-4)

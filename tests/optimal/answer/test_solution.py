@@ -8,8 +8,8 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.answer.solution import minimum_time_summary
-from armdyn.optimal.path_constraints.constraint import ConstraintReport
-from armdyn.optimal.proof.repeat import ACCURACY
+from armdyn.optimal.constraints.constraint import ConstraintReport
+from armdyn.optimal.verify.repeat import ACCURACY
 from problems import solved
 
 

@@ -8,8 +8,8 @@ import armdyn as ad
 from armdyn.optimal.answer.advice import advice, followed_by
 from armdyn.optimal.answer.words import standing, verdict
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.proof.certificate import ON_CURVE, Certificate
-from armdyn.optimal.task.task import Task
+from armdyn.optimal.problem.task import Task
+from armdyn.optimal.verify.certificate import ON_CURVE, Certificate
 from problems import POSES
 
 

@@ -13,7 +13,7 @@ from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.covers import covers
 from armdyn.optimal.bound.effort import Effort
 from armdyn.optimal.bound.leg import legs_of
-from armdyn.optimal.task.policy.bound import BoundPolicy
+from armdyn.optimal.problem.policy.bound import BoundPolicy
 from problems import paper_arm
 
 UR5 = np.array(

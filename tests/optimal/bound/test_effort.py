@@ -14,7 +14,7 @@ from armdyn.optimal.bound.covers import covers
 from armdyn.optimal.bound.effort import Effort
 from armdyn.optimal.bound.lattice import Lattice
 from armdyn.optimal.bound.leg import legs_of
-from armdyn.optimal.task.policy.bound import BoundPolicy
+from armdyn.optimal.problem.policy.bound import BoundPolicy
 from problems import paper_arm
 
 HOME = np.array([0.1, 0.4])

@@ -9,7 +9,7 @@ from armdyn.models.scene.reaching import free_directions, poses_reaching, slid
 from armdyn.optimal.bound.goal_set import GoalSet, Within
 from armdyn.optimal.bound.interval import Interval
 from armdyn.optimal.bound.leg import LegEnd
-from armdyn.optimal.task.policy.bound import BoundPolicy
+from armdyn.optimal.problem.policy.bound import BoundPolicy
 
 
 @pytest.mark.slow

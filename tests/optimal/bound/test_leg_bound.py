@@ -18,7 +18,7 @@ from armdyn.optimal.bound.leg_bound import Passage, _phases, leg_bound, passing_
 from armdyn.optimal.bound.proof import proven
 from armdyn.optimal.bound.region import BoundRegion, tube
 from armdyn.optimal.bound.relaxation import relaxed_in_phases
-from armdyn.optimal.task.policy.bound import BoundPolicy
+from armdyn.optimal.problem.policy.bound import BoundPolicy
 
 UP, ACROSS = 0.025, 0.3
 HERE = np.array([-0.67, -1.44, 2.03, -0.58, 0.9, 0.0])

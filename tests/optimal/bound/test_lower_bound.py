@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.optimal.bound.lower_bound import _other_turns
-from armdyn.optimal.task.policy.bound import BoundPolicy
+from armdyn.optimal.problem.policy.bound import BoundPolicy
 from optimal.bound.arms import ARMS, random_problem
 from problems import cart, paper_arm, paper_problem
 

@@ -13,7 +13,7 @@ from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.effort import Effort
 from armdyn.optimal.bound.goal_set import GoalSet, Within, clusters
 from armdyn.optimal.bound.interval import Interval, joined
-from armdyn.optimal.task.policy.bound import BoundPolicy
+from armdyn.optimal.problem.policy.bound import BoundPolicy
 from problems import paper_arm
 
 ARMS = {

@@ -8,7 +8,7 @@ from armdyn.optimal.bound import reach
 from armdyn.optimal.bound.cells import Cells
 from armdyn.optimal.bound.leg import legs_of
 from armdyn.optimal.bound.reach import reached
-from armdyn.optimal.task.policy.bound import BoundPolicy
+from armdyn.optimal.problem.policy.bound import BoundPolicy
 from optimal.bound.arms import ARMS, random_problem
 
 _INTEGRATED = 1e-6

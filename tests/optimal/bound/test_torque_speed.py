@@ -15,7 +15,7 @@ from armdyn.optimal.bound.leg import legs_of
 from armdyn.optimal.bound.proof import proven
 from armdyn.optimal.bound.reach import reached
 from armdyn.optimal.bound.relaxation import relaxed
-from armdyn.optimal.task.policy.bound import BoundPolicy
+from armdyn.optimal.problem.policy.bound import BoundPolicy
 from optimal.bound.arms import ARMS, drawn, random_problem
 from optimal.test_motor_limits import INERTIA, PEAK, turntable
 from problems import paper_arm, paper_problem

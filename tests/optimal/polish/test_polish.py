@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.arcs.phases import Phases, solve_phases
+from armdyn.optimal.mesh.phases import solve_phases
 from armdyn.optimal.polish.polish import polished
-from armdyn.optimal.proof.pontryagin import pontryagin
-from armdyn.optimal.task.options import MinimumTimeOptions
-from armdyn.optimal.task.task import Task
+from armdyn.optimal.problem.options import MinimumTimeOptions
+from armdyn.optimal.problem.task import Task
+from armdyn.optimal.verify.phases import Phases
+from armdyn.optimal.verify.pontryagin import pontryagin
 from problems import cart, mesh_alone, paper_problem, random_solution, solved
 
 

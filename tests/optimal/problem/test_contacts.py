@@ -6,7 +6,7 @@ import pytest
 import armdyn as ad
 from armdyn.cli.options.path_constraints import PathConstraintOptions, obstacles_of
 from armdyn.errors import ProblemError
-from armdyn.optimal.path_constraints.clearance import ClearanceConstraint
+from armdyn.optimal.constraints.clearance import ClearanceConstraint
 from problems import paper_arm
 
 

@@ -8,8 +8,8 @@ import pytest
 import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.optimal.answer.words import assessment
-from armdyn.optimal.search.goals import screened
-from armdyn.optimal.task.task import Task
+from armdyn.optimal.curves.goals import screened
+from armdyn.optimal.problem.task import Task
 from problems import CART, POSES, paper_arm, paper_problem
 
 

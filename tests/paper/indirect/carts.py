@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from armdyn.optimal.arcs.arc import Arc, Mode
 from armdyn.optimal.problem.status import Stop
+from armdyn.optimal.verify.arc import Arc, Mode
 from armdyn.paper.indirect.bang_bang import BangBangExtremal, BangBangProblem
 from armdyn.paper.indirect.canonical import canonical_system
 from problems import cart

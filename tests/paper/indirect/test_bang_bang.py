@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from armdyn.optimal.arcs.arc import Arc, Mode
 from armdyn.optimal.problem.status import Status, Stop
+from armdyn.optimal.verify.arc import Arc, Mode
 from armdyn.paper.indirect.bang_bang import BangBangExtremal, BangBangProblem, guess_arcs, with_samples
 from armdyn.paper.indirect.canonical import canonical_system
 from oracles import robot_named

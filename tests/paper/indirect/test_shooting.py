@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.arcs.arc import Arc, Mode
 from armdyn.optimal.problem.status import Status, Stop
+from armdyn.optimal.verify.arc import Arc, Mode
 from armdyn.paper import solve_indirect
 from armdyn.paper.indirect.bang_bang import BangBangExtremal, BangBangProblem
 from armdyn.paper.indirect.canonical import canonical_system

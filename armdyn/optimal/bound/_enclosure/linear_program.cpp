@@ -3,7 +3,7 @@
 // multipliers of z >= 0 and z <= 1 are chosen such that s - t = cost - A' y. Each iterate thus gives a dual bound.
 #include "linear_program.hpp"
 
-#include "../../flat/_curves/profile.hpp"
+#include "../../curves/_curves/profile.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,1 +1,0 @@
-"""Arcs: sequences of active limits, detected, corrected, and solved for their durations."""

@@ -1,0 +1,206 @@
+"""Base class of path constraints.
+
+The program satisfies a constraint at the points of a mesh (`rows`, `values`), the replay is checked everywhere
+(`check`), and an excess between the points tightens the constraint (`tightened`).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, Self
+
+import numpy as np
+
+from armdyn.arguments import each, number, text
+from armdyn.arrays import Array
+from armdyn.errors import ProblemError
+from armdyn.models.scene.collision import Clearance, CollisionModel
+from armdyn.optimal.constraints.rows import RowValues, StageRows
+from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
+from armdyn.optimal.problem.policy.landing import PathConstraintPolicy
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Violation
+from armdyn.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class ConstraintReport:
+    """Report on a motion and a path constraint, checked along the whole motion.
+
+    Attributes:
+        name: name of the constraint.
+        said: the largest value in words, with units.
+        share: the largest value over its limit; None if nothing is limited.
+        reasons: the violations in words; empty: the constraint is satisfied.
+        worst: the largest violation; None: the constraint is satisfied.
+        missed: data for `tightened`, specific to the constraint.
+        clearance: the smallest clearance; None for other constraints.
+        order: power of the duration with which the share falls on the same path: 1 of a speed, 2 of an acceleration, 3
+            of a jerk; 0: slowing down does not help.
+    """
+
+    name: str
+    said: str
+    share: float | None = None
+    reasons: tuple[str, ...] = ()
+    worst: Violation | None = None
+    missed: Array = field(default_factory=lambda: np.empty(0))
+    clearance: Clearance | None = None
+    order: int = 0
+
+    @property
+    def slowing(self) -> float:
+        """Factor on the duration that satisfies the constraint on the same path; 1 if satisfied, inf if none does."""
+        if not self.reasons:
+            return 1.0
+        return self.share ** (1 / self.order) if self.order and self.share else np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """Path of a guess through joint positions, over s from 0 to 1.
+
+    Attributes:
+        q: joint positions [rad or m], shape (samples, nv).
+        dq: dq/ds, shape (samples, nv).
+        ddq: d²q/ds², shape (samples, nv).
+    """
+
+    q: Array
+    dq: Array
+    ddq: Array
+
+
+@dataclass(frozen=True, eq=False)
+class RequiredDistances:
+    """Distances that pairs of bodies must keep.
+
+    Attributes:
+        model: collision model of the scene.
+        clearance: least distance of every pair [m].
+        most: largest distance that can be required of each pair [m], shape (pairs,); less for pairs that touch at a
+            given pose.
+        places: parts of every leg's duration at which distances are required, besides evenly spaced ones.
+    """
+
+    model: CollisionModel
+    clearance: float
+    most: Array
+    places: tuple[Array, ...]
+
+
+@dataclass(frozen=True)
+class PathConstraint(PathConstraintSpec, ABC):
+    """Path constraint, possibly tightened.
+
+    A frozen dataclass; `tightened` returns another. Only `check` must be implemented.
+
+    Attributes:
+        policy: tuned numbers of path constraints.
+        option: name in `--limit NAME=…`; empty: no such option.
+        metavar: placeholder of the value in the help.
+        help: one line of that help.
+    """
+
+    policy: PathConstraintPolicy = field(default=PathConstraintPolicy(), kw_only=True, repr=False, compare=False)
+
+    option: ClassVar[str] = ""
+    metavar: ClassVar[str] = "X"
+    help: ClassVar[str] = ""
+
+    @classmethod
+    def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
+        """Constraint from the problem's own argument for it; None without one."""
+        return None
+
+    @classmethod
+    def of_option(cls, values: list[float], frame: str | None = None) -> Self:
+        """Constraint from `--limit NAME=VALUES[@FRAME]`.
+
+        Raises:
+            ProblemError: too many values, a frame for a constraint without frames, or a constraint without an option.
+        """
+        raise ProblemError(f"{cls.__name__} has no option --limit; it is made in Python")
+
+    @classmethod
+    def _option_parts(cls, values: object, frame: object) -> tuple[list[float], str | None]:
+        """The arguments of `of_option`, checked.
+
+        Raises:
+            ProblemError: `values` are no numbers, or `frame` is no text.
+        """
+        found = list(each(values, f"values of --limit {cls.option}", number, finite=False))
+        if not found:
+            raise ProblemError(f"values of --limit {cls.option} are none; give a number")
+        return found, None if frame is None else text(frame, f"frame of --limit {cls.option}")
+
+    def under(self, policy: PathConstraintPolicy) -> Self:
+        """The constraint with a policy's tuned numbers."""
+        return replace(self, policy=policy)
+
+    def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array] | None:
+        """Order of the limited derivative of q, 2 or 3, and its limits, shape (nv,); None for other constraints.
+
+        Curves satisfy these by their control points, everywhere, without rows.
+        """
+        return None
+
+    def torque_rate_limit(self, problem: MinimumTimeProblem) -> Array | None:
+        """Limits of torque rates [N m/s or N/s], shape (nv,); None for other constraints.
+
+        Curves satisfy these between consecutive torques, without rows.
+        """
+        return None
+
+    def required_distances(self, problem: MinimumTimeProblem) -> RequiredDistances | None:
+        """Required distances between bodies, which curves satisfy without rows; None for other constraints."""
+        return None
+
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
+        """Rows of the constraint in the program."""
+        return ()
+
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
+        """Parameters and bounds of each of `rows`."""
+        return ()
+
+    def report(
+        self, share: float, words: str, reason: str, worst: tuple[str, str, float], name: str = "", order: int = 1
+    ) -> ConstraintReport:
+        """Report on the largest value of the limited quantity.
+
+        Args:
+            share: the value over its limit.
+            words: the value in words, with units.
+            reason: the violation in words, if there is one.
+            worst: the violated limit, its joint or frame, and the time [s].
+            name: name in the report; empty: the constraint's.
+            order: see `ConstraintReport`.
+        """
+        name = name or self.name
+        if share <= 1 + self.policy.rate_tolerance:
+            return ConstraintReport(name, words, share, order=order)
+        return ConstraintReport(name, words, share, (reason,), Violation(*worst, share - 1), order=order)
+
+    @abstractmethod
+    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
+        """Check a motion along its whole duration, independently of the collocation.
+
+        Args:
+            problem: the problem.
+            motion: a replay, with consistent torques and states.
+            passing: times of the via points [s], shape (vias,).
+        """
+
+    def tightened(self, problem: MinimumTimeProblem, report: ConstraintReport) -> Self:
+        """The constraint, tightened where a motion violated it between the points; itself where it is tight enough."""
+        return self
+
+    def on_finer_mesh(self) -> Self:
+        """The constraint for a mesh twice as fine, on which it may be less tight."""
+        return self
+
+    def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
+        """Shortest duration [s] of an initial guess along a path; 0: no constraint."""
+        return 0.0

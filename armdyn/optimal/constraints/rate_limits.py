@@ -1,0 +1,224 @@
+"""Limits of joints' rates: accelerations, jerks, and velocities that fall towards the ends of the joints' ranges."""
+
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, Self
+
+import casadi as ca
+import numpy as np
+
+from armdyn.arrays import Array
+from armdyn.dynamics.numeric import forward_dynamics
+from armdyn.models.presets.interface import REST_VELOCITY, VelocityTaper
+from armdyn.models.robots.robot import Robot
+from armdyn.optimal.constraints.constraint import ConstraintReport, Path, PathConstraint
+from armdyn.optimal.constraints.rows import RowValues, StageRows
+from armdyn.optimal.constraints.stages import Stages
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.tableau import differentiation, lagrange
+from armdyn.trajectory import Trajectory
+
+_DERIVATIVES = {2: ("acceleration", "²"), 3: ("jerk", "³")}
+_POINTS = (1 - np.cos(np.pi * np.arange(5) / 4)) / 2
+"""Chebyshev points of a sample, including its ends."""
+_PLACES = np.linspace(0, 1, 17)
+"""Points of a sample at which the polynomial is evaluated: 16 per sample, a sample being 1e-3 of the motion."""
+_VALUES = lagrange(_POINTS, _PLACES)
+_SLOPES = _VALUES @ differentiation(_POINTS)
+
+
+def times_within(motion: Trajectory) -> Array:
+    """Five evenly spaced times [s] in every sample that is no jump of the torque, shape (5 samples,)."""
+    steps = np.diff(motion.t)[:, None]
+    return np.asarray((motion.t[:-1, None] + steps * np.linspace(0, 1, 5))[~motion.jumps].ravel())
+
+
+def accelerations(robot: Robot, motion: Trajectory) -> tuple[Array, Array, Array]:
+    """Accelerations and jerks along a replay, also between samples.
+
+    Within a sample the torque is linear and the acceleration smooth: the polynomial through `aba` at five Chebyshev
+    points. At a sample the jerk has a value on either side.
+
+    Args:
+        robot: the robot.
+        motion: replay of the robot.
+
+    Returns:
+        Times [s], shape (pieces, places), accelerations [rad/s² or m/s²] and jerks [rad/s³ or m/s³] there, each
+        of shape (pieces, places, nv).
+    """
+    flows = ~motion.jumps
+    start, steps = motion.t[:-1][flows], np.diff(motion.t)[flows]
+    t = start[:, None] + steps[:, None] * _POINTS
+    at = motion(t)
+    # At a sample's end the torque is the one before a jump.
+    tau = motion.tau[:-1][flows][:, None] + _POINTS[:, None] * np.diff(motion.tau, axis=0)[flows][:, None]
+    a = forward_dynamics(robot)(at.q, at.v, tau)
+    jerks = _SLOPES @ a / steps[:, None, None]
+    return start[:, None] + steps[:, None] * _PLACES, _VALUES @ a, jerks
+
+
+@dataclass(frozen=True)
+class PartialLimit(PathConstraint):
+    """Limit of a rate; the program satisfies a part of it, so that the replay satisfies the whole between the points.
+
+    Attributes:
+        part: part of the limit in the program, lowered by `tightened`.
+    """
+
+    part: float = field(default=1.0, kw_only=True)
+
+    def tightened(self, problem: MinimumTimeProblem, report: ConstraintReport) -> Self:
+        """Lower the limit by the replay's excess; raise it again if the replay stays below."""
+        spare = self.policy.rate_tightening if report.reasons else 0.0
+        part = (1 - spare) * self.part / max(float(report.share or 1), 1e-6)
+        fitting = float(np.clip(part, self.policy.least_part, 1))
+        changed = fitting != self.part and (report.reasons or fitting > self.part)
+        return replace(self, part=fitting) if changed else self
+
+    def on_finer_mesh(self) -> Self:
+        """Restore the whole limit: on a mesh twice as fine the excess between the points is much smaller."""
+        return replace(self, part=1.0)
+
+
+@dataclass(frozen=True)
+class DerivativeLimit(PartialLimit):
+    """Limits of a derivative of the joint positions, from an argument of the problem.
+
+    Attributes:
+        order: order of the derivative: 2, acceleration, or 3, jerk.
+    """
+
+    order: ClassVar[int]
+
+    @classmethod
+    def limits(cls, problem: MinimumTimeProblem) -> Array | None:
+        """The derivative's limits [rad/s² or m/s², or rad/s³ or m/s³], shape (nv,); None: no limits."""
+        given = getattr(problem, f"{_DERIVATIVES[cls.order][0]}_limit")
+        return None if given is None else np.asarray(given)
+
+    @classmethod
+    def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
+        return None if cls.limits(problem) is None else cls()
+
+    def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array]:
+        return self.order, self.part * np.asarray(self.limits(problem))
+
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
+        return (RowValues(-self.part, self.part, 1 / np.asarray(self.limits(problem))),)
+
+    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
+        """Check accelerations by forward dynamics, and their time derivatives, within every sample."""
+        robot, limits, (kind, power) = problem.robot, np.asarray(self.limits(problem)), _DERIVATIVES[self.order]
+        t, *rates = accelerations(robot, motion)
+        seen = np.abs(rates[self.order - 2]).reshape(-1, robot.nv)
+        k, i = np.unravel_index(np.argmax(seen / limits), seen.shape)
+        share, joint, when = float(seen[k, i] / limits[i]), robot.joint_names[i], float(t.ravel()[k])
+        unit = f"{'m' if robot.slides[i] else 'rad'}/s{power}"
+        words = f"{seen[k, i]:.5g} of {limits[i]:.5g} {unit} at most, by {joint!r} at t = {when:.4g} s"
+        reason = f"joint {joint!r} exceeds its {kind} limit by {100 * (share - 1):.2g} % at t = {when:.4g} s"
+        return self.report(share, words, reason, (f"{kind} limit", joint, when), order=self.order)
+
+
+@dataclass(frozen=True)
+class AccelerationLimit(DerivativeLimit):
+    """No joint accelerates by more than `problem.acceleration_limit`."""
+
+    name = "acceleration limits"
+    order = 2
+
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
+        """Rows of accelerations at the stages of every interval, over the limits."""
+        return (StageRows(_accelerations, numbers=problem.robot.nv),)
+
+    def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
+        return float(np.sqrt(np.max(np.abs(path.ddq) / np.asarray(problem.acceleration_limit))))
+
+
+def _accelerations(stages: Stages, over_limit: ca.SX) -> ca.SX:
+    return ca.vec(stages.a * ca.repmat(over_limit, 1, stages.a.shape[1]))
+
+
+@dataclass(frozen=True)
+class JerkLimit(DerivativeLimit):
+    """No joint's jerk exceeds `problem.jerk_limit`; before and after the motion the acceleration is zero."""
+
+    name = "jerk limits"
+    order = 3
+    continuous_torque = True
+
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
+        """Differences of accelerations between stages over the limits; the accelerations at both ends."""
+        return (
+            StageRows(_jerks, numbers=problem.robot.nv),
+            StageRows(_acceleration_at, (0,), where="first"),
+            StageRows(_acceleration_at, (-1,), where="last"),
+        )
+
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
+        return *super().values(problem), RowValues(0, 0), RowValues(0, 0)
+
+
+def _jerks(stages: Stages, over_limit: ca.SX) -> ca.SX:
+    steps = ca.repmat(ca.DM(np.diff(stages.c)).T, over_limit.numel(), 1)
+    rises: ca.SX = (stages.a[:, 1:] - stages.a[:, :-1]) / (steps * stages.h)
+    return ca.vec(rises * ca.repmat(over_limit, 1, steps.shape[1]))
+
+
+def _acceleration_at(stages: Stages, numbers: ca.SX, stage: int) -> ca.SX:
+    scaled: ca.SX = stages.a[:, stage] / stages.acceleration
+    return scaled
+
+
+@dataclass(frozen=True)
+class VelocityTaperLimit(PartialLimit):
+    """The velocity limits by position of the problem's preset.
+
+    √(c (u - q)) - b ≥ v is q + max(0, v + b)² / c ≤ u: convex, and smooth.
+    """
+
+    name = "velocity limits by position"
+
+    @classmethod
+    def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
+        return None if problem.preset is None or problem.preset.taper is None else cls()
+
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
+        """Rows of the tapered velocity limits at the stages of every interval, over the joints' ranges."""
+        return (StageRows(_beyond, numbers=4 * problem.robot.nv + 1),)
+
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
+        taper = _taper(problem)
+        return (RowValues(-np.inf, 0.0, np.array([*taper.lower, *taper.upper, *taper.gain, *taper.offset, self.part])),)
+
+    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
+        """Check tapered velocities at five points of every sample."""
+        t = times_within(motion)
+        at = motion(t)
+        lower, upper = _taper(problem).at(at.q)
+        shares = np.abs(at.v) / np.maximum(np.where(at.v < 0, -lower, upper), REST_VELOCITY)
+        k, i = np.unravel_index(np.argmax(shares), shares.shape)
+        share, joint, when = float(shares[k, i]), problem.robot.joint_names[i], float(t[k])
+        words = f"{abs(at.v[k, i]):.5g} rad/s at {at.q[k, i]:.4g} rad, by {joint!r} at t = {when:.4g} s"
+        beyond = f"exceeds its velocity limit at {at.q[k, i]:.4g} rad by {100 * (share - 1):.2g} %"
+        reason = f"joint {joint!r} {beyond} at t = {when:.4g} s"
+        return self.report(share, words, reason, ("velocity limit by position", joint, when))
+
+
+def _taper(problem: MinimumTimeProblem) -> VelocityTaper:
+    assert problem.preset is not None and problem.preset.taper is not None  # noqa: S101  # checked by `from_problem`
+    return problem.preset.taper
+
+
+def _beyond(stages: Stages, numbers: ca.SX) -> ca.SX:
+    """Excess of positions over the largest ones allowed at their velocities, over the joints' ranges."""
+    n = stages.effort.numel()
+    lower, upper, gain, offset, part = ca.vertsplit(numbers, [0, n, 2 * n, 3 * n, 4 * n, 4 * n + 1])
+    # The first stage is the last of the interval before.
+    rows = []
+    for k in range(1, stages.c.size):
+        q, v = stages.q[:, k], stages.v[:, k] / part
+        rows += [
+            (side + ca.fmax(0, speed + offset) ** 2 / gain) / (upper - lower)
+            for side, speed in ((q - upper, v), (lower - q, -v))
+        ]
+    return ca.vertcat(*rows)

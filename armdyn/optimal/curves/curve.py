@@ -1,0 +1,175 @@
+"""Motion as a piecewise B-spline: legs of control points, each with its duration."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armdyn.arrays import Array
+from armdyn.dynamics.numeric import inverse_dynamics
+from armdyn.locks import cached_property
+from armdyn.models.robots.robot import Robot
+from armdyn.optimal.curves.basis import Basis
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.trajectory import Trajectory
+
+_RAMP = 0.1
+"""Part of a straight guess's time for its acceleration, and for its deceleration."""
+
+
+@dataclass(frozen=True, eq=False)
+class CurveLeg:
+    """Curve from one given pose to the next.
+
+    Attributes:
+        basis: B-splines of the leg.
+        points: control points [rad or m], shape (basis.size, nv).
+        duration: duration [s].
+    """
+
+    basis: Basis
+    points: Array
+    duration: float
+
+    def at(self, s: Array) -> tuple[Array, Array, Array]:
+        """Positions, velocities and accelerations at s, parts of the duration, each of shape (m, nv)."""
+        curve, T = self._curve, self.duration
+        return curve(s), curve(s, 1) / T, curve(s, 2) / T**2
+
+    @property
+    def fastest(self) -> Array:
+        """Upper bounds of the joints' speeds, from their control points [rad/s or m/s], shape (nv,)."""
+        controls = self.basis.factors(1)[:, None] * np.diff(self.points, axis=0)
+        return np.asarray(np.max(np.abs(controls), axis=0) / self.duration)
+
+    def torques(self, robot: Robot, s: Array) -> Array:
+        """Torques at s, parts of the duration, by `rnea` and friction [N m or N], shape (m, nv)."""
+        return inverse_dynamics(robot)(*self.at(s))
+
+    @cached_property
+    def _curve(self):  # type: ignore[no-untyped-def]  # scipy's BSpline
+        return self.basis.curve(self.points)
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Motion from start to goal along legs of B-splines.
+
+    Attributes:
+        legs: from pose to pose, at least one.
+    """
+
+    legs: tuple[CurveLeg, ...]
+
+    @classmethod
+    def straight(cls, problem: MinimumTimeProblem, basis: Basis, durations: ArrayLike) -> Self:
+        """Make a curve from pose to pose on straight lines: accelerate, cruise, decelerate.
+
+        Args:
+            problem: problem with the poses.
+            basis: basis of every leg.
+            durations: durations of the legs [s], shape (legs,), or one for all.
+        """
+        ends = zip(problem.poses[:-1], problem.poses[1:], strict=True)
+        paths = [np.array(pair) for pair in ends]
+        return cls.along(paths, [basis] * len(paths), durations, np.ones(problem.robot.nv))
+
+    @classmethod
+    def along(
+        cls, paths: Sequence[Array], bases: Sequence[Basis], durations: ArrayLike, speed: Array, flying: bool = False
+    ) -> Self:
+        """Make a curve along paths of straight segments: accelerate, cruise, decelerate.
+
+        Args:
+            paths: path of every leg: joint positions [rad or m], shape (n, nv).
+            bases: basis of every leg.
+            durations: durations of the legs [s], shape (legs,), or one for all.
+            speed: scales of the joints against each other [rad/s or m/s], shape (nv,).
+            flying: whether the curve passes the poses between the legs at speed.
+        """
+        legs, last = [], len(paths) - 1
+        every = zip(paths, bases, np.broadcast_to(durations, len(paths)), strict=True)
+        for k, (path, basis, duration) in enumerate(every):
+            part = _ramped(basis.places, k == 0 or not flying, k == last or not flying)
+            marks = np.append(0.0, np.cumsum(np.max(np.abs(np.diff(path, axis=0)) / speed, axis=1)))
+            points = np.column_stack([np.interp(part * marks[-1], marks, column) for column in path.T])
+            legs.append(CurveLeg(basis, points, float(duration)))
+        return cls(tuple(legs))
+
+    def on(self, bases: Sequence[Basis]) -> Self:
+        """Approximate the curve on other bases of its legs."""
+        pairs = zip(bases, self.legs, strict=True)
+        return replace(self, legs=tuple(CurveLeg(own, leg.at(own.places)[0], leg.duration) for own, leg in pairs))
+
+    @classmethod
+    def from_motion(cls, motion: Trajectory, basis: Basis) -> Self:
+        """Make a curve of one leg with control points sampled from a motion."""
+        at = motion(motion.t[0] + motion.duration * basis.places)
+        return cls((CurveLeg(basis, at.q, motion.duration),))
+
+    @property
+    def duration(self) -> float:
+        """Total duration [s]."""
+        return float(sum(leg.duration for leg in self.legs))
+
+    @property
+    def passing(self) -> Array:
+        """Times of the via points [s], shape (legs - 1,)."""
+        return np.cumsum([leg.duration for leg in self.legs])[:-1]
+
+    def velocity_jumps(self, speed: Array) -> Array:
+        """Jumps of the velocities where legs meet, over the velocity limits or, without one, over the leg's fastest.
+
+        Args:
+            speed: velocity limits [rad/s or m/s], shape (nv,), or infinite.
+
+        Returns:
+            Jumps [-], shape (legs - 1, nv); zero between the legs of a motion.
+        """
+        ends = [leg.at(np.array([0.0, 1.0]))[1] for leg in self.legs]
+        jumps = np.array([after[0] - before[1] for before, after in pairwise(ends)]).reshape(-1, speed.size)
+        fastest = np.max([leg.fastest for leg in self.legs], axis=0) + np.finfo(float).tiny
+        return np.asarray(np.abs(jumps) / np.where(np.isfinite(speed), speed, fastest))
+
+    def slower(self, factor: float) -> Self:
+        """The curve, slowed down by a factor on its duration."""
+        return replace(self, legs=tuple(replace(leg, duration=factor * leg.duration) for leg in self.legs))
+
+    def trajectory(self, robot: Robot, samples: Sequence[ArrayLike] | None = None, jumps: bool = True) -> Trajectory:
+        """Samples of the motion with their torques.
+
+        Args:
+            robot: the robot.
+            samples: samples per interval of each leg, without its end, shape (intervals,), or one number for all; None:
+                1.
+            jumps: whether the torque may jump where legs meet: then both legs have a sample there.
+        """
+        parts, start = [], 0.0
+        for k, (leg, each) in enumerate(zip(self.legs, samples or [1] * len(self.legs), strict=True)):
+            lengths = np.diff(leg.basis.breaks)
+            counts = np.broadcast_to(each, lengths.shape)
+            fractions = np.concatenate([np.arange(count) / count for count in counts])
+            s = np.append(np.repeat(leg.basis.breaks[:-1], counts) + np.repeat(lengths, counts) * fractions, 1.0)
+            q, v, a = leg.at(s)
+            t = start + leg.duration * s
+            start = float(t[-1])
+            own: tuple[Array, ...] = t, q, v, inverse_dynamics(robot)(q, v, a)
+            if k < len(self.legs) - 1 and jumps:
+                t[-1] = np.nextafter(start, 0)
+            elif k < len(self.legs) - 1:
+                own = tuple(each[:-1] for each in own)
+            parts.append(own)
+        t, q, v, tau = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return Trajectory(t, q, v, tau, robot.joint_names, "minimum time", robot.model_hash)
+
+
+def _ramped(places: Array, from_rest: bool, to_rest: bool) -> Array:
+    """Time scaling: fractions of a path at fractions of the time, with ramps of the speed at ends that are at rest."""
+    if not (from_rest and to_rest):
+        return places**2 if from_rest else 1 - (1 - places) ** 2 if to_rest else places
+    s = np.minimum(places, 1 - places)
+    half = np.where(s < _RAMP, s**2 / (2 * _RAMP), s - _RAMP / 2) / (1 - _RAMP)
+    return np.where(places < 0.5, half, 1 - half)

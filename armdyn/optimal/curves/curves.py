@@ -1,0 +1,332 @@
+"""Curves, for speed-limited motions and larger arms: refined, followed by feedback, replayed."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import chain, islice
+
+import numpy as np
+
+from armdyn.arrays import Array
+from armdyn.codegen.background import is_building
+from armdyn.optimal.constraints.rows import intervals_of
+from armdyn.optimal.constraints.tightened import TightenedConstraints
+from armdyn.optimal.constraints.torque_limits import RmsTorque
+from armdyn.optimal.curves.curve import Curve
+from armdyn.optimal.curves.equations import CurveInterval
+from armdyn.optimal.curves.nlp_data import CurveSpec
+from armdyn.optimal.curves.planned_paths import NO_PATH, paths_through, refined_paths
+from armdyn.optimal.curves.refinement import (
+    RefinedCurve,
+    calm_curve,
+    refine_curve,
+    refined_again,
+    reports_on,
+    sampled,
+    slowed_to_limits,
+    within_constraints,
+)
+from armdyn.optimal.curves.solve import prepare_curve, straight_curve
+from armdyn.optimal.mesh.candidates import SearchResult
+from armdyn.optimal.mesh.direct import Attempt
+from armdyn.optimal.mesh.multistart import grouped, within
+from armdyn.optimal.mesh.starts import spline, via_guesses
+from armdyn.optimal.problem.status import Status
+from armdyn.optimal.problem.task import Task
+from armdyn.optimal.verify.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, ON_CURVE
+from armdyn.optimal.verify.follow import follow
+from armdyn.optimal.verify.limit_violations import can_be_slowed, constraints_mended, least_factor, worst_violation
+from armdyn.optimal.verify.optimum import Optimum
+from armdyn.optimal.verify.sensitivity import RATE_LIMITS, Share, shares_of
+from armdyn.parallel import in_processes
+from armdyn.reprs import percent
+from armdyn.trajectory import Trajectory
+
+_OTHER_SEEDS = "; other seeds may find a faster one"
+
+
+def curves(task: Task) -> tuple[list[Optimum], SearchResult]:
+    """The fastest curves, replayed in turn until one reaches the goal and satisfies the path constraints.
+
+    Args:
+        task: the problem and its settings.
+    """
+    numbers, needs_paths = task.policy.curves, task.problem.has_clearance or task.problem.has_regions
+    starts = task.policy.search.guesses(task.options, numbers.starts)
+    if needs_paths:
+        found, planned = _among_obstacles(task)
+    else:
+        found, planned = _refined(task, _guesses(task, starts), _calms(task)), True
+        hopeless = task.options.search == "quick" and bool(task.problem.weak_ends)
+        if not (task.stop or hopeless) and all(_may_improve(task, one) for one in found):
+            found += _refined(task, _guesses(task, numbers.more_starts)[1:], _calms(task))
+    if is_building():
+        task.progress("its machine code is being built in the background, once: later solves are faster")
+    if not found:  # or the time was up before the first curve
+        return [], SearchResult((), failed=(_without_path(task),))
+    failed = () if planned else (_without_path(task),)
+    found.sort(
+        key=lambda one: (
+            one.excess > numbers.most_excess,
+            not constraints_mended(task, one.reports),
+            one.curve.duration,
+        )
+    )
+    if found[0].excess > numbers.most_excess and can_be_slowed(task.problem) and not task.stop:
+        found[0] = slowed_to_limits(task, found[0])
+    if found[0].excess > numbers.most_excess:
+        failed = failed or (_failed(task, found[0]),)
+        return [], SearchResult((), failed=failed, iterations=sum(one.iterations for one in found))
+    optima: list[Optimum] = []
+    for one in found:
+        optima.append(_calm(task, one))
+        kept = constraints_mended(task, optima[-1].reports)
+        if task.stop or (optima[-1].landed(task.options.replay_tolerance) and kept):
+            break
+    others = tuple(one.curve.duration for one in found[len(optima) :])
+    iterations = sum(one.iterations for one in found[len(optima) :])
+    return optima, SearchResult(
+        (), failed=failed, listed=others, iterations=iterations, remark=_optima_met(task, found)
+    )
+
+
+def rough_motions(task: Task) -> list[Trajectory]:
+    """Distinct curves of few intervals, the fastest first, perhaps beyond their limits between the points.
+
+    They are guesses for a mesh, for the classes of problems for which the policy wants them.
+
+    Args:
+        task: the problem and its settings.
+    """
+    search, starts = task.policy.search, task.policy.curves.mesh_starts
+    if not starts or task.stop:
+        return []
+    rough = replace(task, policy=task.policy.changed("curves", intervals=task.policy.curves.coarse, rounds=1))
+    refined = _refined(rough, _guesses(rough, search.guesses(task.options, starts)), rough=True)
+    found = sorted((one.curve for one in refined if one.solved.converged), key=lambda one: one.duration)
+    alike = within(task.policy.same.mesh)
+    groups = grouped(found, lambda one, other: alike(one.duration, other.duration))
+    return [group[0].trajectory(task.problem.robot) for group in groups[: search.refinements(task.options)]]
+
+
+def cruise(task: Task) -> tuple[list[Optimum], SearchResult]:
+    """The straight path's curve by sequential convexification, in 0.05 s; no motion if that does not converge.
+
+    Args:
+        task: a problem whose fastest motion is shaped by velocity limits: its lower bound often proves the curve.
+    """
+    found = refine_curve(task, straight_curve(task, task.policy.curves.intervals), _calms(task), by_steps=True)
+    fast = found.excess <= task.policy.curves.most_excess and (found.solved.converged or task.stop)
+    return ([_calm(task, found)] if fast else []), SearchResult(())
+
+
+def _optima_met(task: Task, found: Sequence[RefinedCurve]) -> str:
+    """Number of distinct optima met by the guesses, in words; empty if a bound judges the best.
+
+    Args:
+        task: the problem.
+        found: refined curves of the guesses, best first.
+    """
+    most = task.policy.curves.most_excess
+    durations = [one.curve.duration for one in found if one.excess <= most and not one.reports.reasons]
+    if len(found) < 2 or not durations or _enough(task, found[0]):
+        return ""
+    problem = task.problem
+    # Guesses through via points alone are the same for all seeds.
+    seeded = problem.has_clearance or problem.has_regions or not problem.via
+    return optima_met(durations, len(found), task.policy.same.mesh) + (_OTHER_SEEDS if seeded else "")
+
+
+def optima_met(durations: Sequence[float], guesses: int, same: float) -> str:
+    """Number of distinct optima met by some guesses, in words.
+
+    Args:
+        durations: durations of the guesses' motions [s].
+        guesses: number of guesses, including failed ones.
+        same: largest relative difference of durations within one optimum.
+    """
+    optima = grouped(sorted(durations), within(same))
+    several = f"{len(optima)} different optima were" if len(optima) > 1 else "one optimum was"
+    times = f"the best one {len(optima[0])} times of {guesses} guesses"
+    return f"{several} met, {times}"
+
+
+def _among_obstacles(task: Task) -> tuple[list[RefinedCurve], bool]:
+    """The fastest curve that satisfies all distances and regions, if any, and whether a path was planned.
+
+    If the straight line is collision-free, so may be the fastest curve without obstacles.
+    """
+    task.progress("paths round the obstacles" if task.problem.has_clearance else "the path through the regions")
+    planned = paths_through(task.problem, task.policy.search, task.options.seed, task.stop)
+    first = list(islice(planned, 1))
+    straight = bool(first) and task.problem.has_clearance and all(len(leg) == 2 for leg in first[0])
+    found = (_clear_of_obstacles(task) if straight else []) or refined_paths(task, chain(first, planned))
+    return found, bool(first)
+
+
+def _clear_of_obstacles(task: Task) -> list[RefinedCurve]:
+    """The fastest curve without obstacles, if it keeps all clearances."""
+    task.progress("the motion without obstacles")
+    free = task.for_problem(task.problem.without_obstacles())
+    best, constraints = refine_curve(free, _guesses(free, 1)[0], by_steps=True), TightenedConstraints.of(task)
+    if not best.solved.converged or best.excess > task.policy.curves.most_excess:
+        return []
+    reports = reports_on(task, best.curve, constraints)
+    spec = replace(best.spec, constraints=constraints)
+    return [replace(best, spec=spec, reports=reports)] if constraints_mended(task, reports) else []
+
+
+def _may_improve(task: Task, refined: RefinedCurve) -> bool:
+    """Whether another guess may lead to a better curve: this one did not converge, or was slowed down."""
+    slowed, most = refined.curve.duration / refined.solved.curve.duration - 1, task.policy.curves.most_excess
+    return not refined.solved.converged or refined.excess > most or slowed > most
+
+
+def _guesses(task: Task, count: int) -> list[Curve]:
+    """Initial guesses: the straight path, the options' guesses, then paths through random poses.
+
+    Through via points the straight path alone, with jerk limits also slower and faster.
+
+    Args:
+        task: the problem and its settings.
+        count: number of guesses besides the options'.
+    """
+    problem, numbers, options = task.problem, task.policy.curves, task.options
+    guesses = [straight_curve(task, numbers.intervals)]
+    basis = guesses[0].legs[0].basis
+    if problem.via:
+        paces = (numbers.pace, 1 / numbers.pace) if count > 1 and problem.jerk_limit is not None else ()
+        return guesses + [guesses[0].slower(pace) for pace in paces]
+    guesses += [Curve.from_motion(guess, basis) for guess in options.guesses]
+    if count > 1:
+        ways = via_guesses(problem, options.seed, count, policy=task.policy.search)[1:]
+        guesses += [Curve.from_motion(spline(problem, way), basis) for way in ways]
+    return guesses
+
+
+def _refined(task: Task, guesses: Sequence[Curve], rough: bool) -> list[RefinedCurve]:
+    """The guesses' refined curves; rough ones if they are refined again later."""
+    if len(guesses) < 2:
+        return [refine_curve(task, guess, rough) for guess in guesses]
+    task.progress(f"{len(guesses)} guesses")
+    prepare_curve(task, guesses[0], CurveSpec(TightenedConstraints.of(task)))  # built before the fork, for all workers
+    found = []
+    jobs = [partial(refine_curve, task, guess, rough) for guess in guesses]
+    for one in in_processes(jobs, task.workers):
+        found.append(one)
+        task.progress(f"{len(found)} of {len(guesses)}: {one.curve.duration:.4f} s")
+        if _enough(task, one):
+            break
+    return found
+
+
+def _enough(task: Task, refined: RefinedCurve) -> bool:
+    """Whether a near lower bound makes further guesses useless."""
+    if not constraints_mended(task, refined.reports) or _may_improve(task, refined):
+        return False
+    bound = task.lower_bound()
+    return bound is not None and refined.curve.duration <= (1 + GAP_TOLERANCE) * bound
+
+
+def _calm(task: Task, fastest: RefinedCurve) -> Optimum:
+    """Motion with little joint travel, as slow as the options and a nearby proven bound allow; else the fastest."""
+    share, duration = task.options.calm, fastest.curve.duration
+    if not _calms(task) or task.stop or not fastest.solved.converged:
+        return _landed(task, refined_again(task, fastest))
+    task.progress(f"{duration:.6f} s; up to {100 * share:.2g} % of that may be spent on calm joints")
+    calm = _landed(task, calm_curve(task, fastest, share)) if task.workers != 1 else None  # parallel to the bound
+    bound = task.lower_bound()
+    if bound is not None and duration <= (1 + GAP_TOLERANCE) * bound < (1 + share) * duration:
+        share, calm = (1 + GAP_TOLERANCE) * bound / duration - 1, None
+    return calm or _landed(task, calm_curve(task, fastest, share))
+
+
+def _calms(task: Task) -> bool:
+    """Whether the options allow time for calm joints."""
+    problem = task.problem
+    return task.options.calm > 0 and not (problem.pays_effort or problem.has_regions)
+
+
+def _without_path(task: Task) -> Attempt:
+    """Attempt without a collision-free path."""
+    motion, intervals = spline(task.problem, []), task.policy.curves.intervals
+    if task.stop:
+        return Attempt.unbegun(task.stop, motion, intervals)
+    return Attempt(Status.INFEASIBLE, NO_PATH, motion, intervals, 0, None)
+
+
+def _failed(task: Task, refined: RefinedCurve) -> Attempt:
+    """Attempt of a curve whose torques exceed their limits at any pace."""
+    problem, result = task.problem, refined.solved.result
+    motion = refined.curve.trajectory(problem.robot)
+    message = result.message
+    if result.status is Status.SOLVED:
+        beyond = f"exceed their limits by {percent(refined.excess)} between its points"
+        message = f"a curve of {motion.duration:.4g} s is the best; its torques, or their rates, {beyond}"
+    status = Status.INFEASIBLE if result.status is Status.SOLVED else result.status
+    worst = worst_violation(problem.robot, problem.limits, motion, dense=1)
+    return Attempt(status, message, motion, refined.curve.legs[0].basis.intervals, refined.iterations, worst)
+
+
+def _deciding(task: Task, refined: RefinedCurve) -> tuple[Share, ...]:
+    """The limits that decide a curve's duration, by its program's multipliers, largest share first."""
+    problem, solved, shape = task.problem, refined.solved, refined.solved.shape
+    if problem.pays_effort or not solved.converged:
+        return ()
+    by_joint, half = dict[str, Array](), problem.limits.actuators.half_range
+    for leg in shape.legs:
+        torques, multiplier = shape.torques(leg), solved.result.lam_x[shape.torques(leg)]
+        size = np.where(multiplier > 0, problem.limits.actuators.upper, problem.limits.actuators.lower) / half
+        parts = {"torque limit": np.sum(multiplier * size, axis=0)} if torques.size else {}
+        if shape.lines:
+            lines = solved.result.lam_g[shape.torque_speeds(leg)]
+            parts["torque-speed curve"] = np.sum(lines * solved.result.x[torques][:, None], axis=(0, 1))
+        for order in shape.orders:
+            rates = shape.rates(leg, order)
+            parts[RATE_LIMITS[order]] = np.sum(np.abs(solved.result.lam_g[rates]) * solved.limits[rates], axis=0)
+        for limit, part in parts.items():
+            by_joint[limit] = by_joint.get(limit, 0.0) + part * solved.guessed / solved.curve.duration
+    return shares_of(by_joint | _heating(task, refined), problem.robot.joint_names, task.policy.curves.least_share)
+
+
+def _heating(task: Task, refined: RefinedCurve) -> dict[str, Array]:
+    """Elasticities of the duration in the continuous torques L, shape (nv,), from the rows ∫ (τ/L)² dt - T ≤ …."""
+    solved, found, end = refined.solved, dict[str, Array](), 0
+    place, legs = CurveInterval(task.dynamics, task.scheme.compile), solved.shape.intervals
+    rms_limits = (each for each in refined.spec.constraints.path_constraints if isinstance(each, RmsTorque))
+    heated = {rows: each.dwell for each in rms_limits for rows in each.rows(task.problem)}
+    for rows in reversed(solved.rows):  # the last equations
+        places = 1 if rows.where == "sum" else intervals_of(rows, legs).size
+        begin = end - rows.functions(place).defects.numel_out(0) * places
+        if rows in heated:
+            multipliers = solved.result.lam_g[slice(begin, end or None)]
+            part = 2 * multipliers * solved.guessed * (1 + heated[rows] / solved.curve.duration)
+            found["continuous-torque limit"] = part
+        end = begin
+    return found
+
+
+def _landed(task: Task, refined: RefinedCurve) -> Optimum:
+    """Replay a curve's motion."""
+    problem, curve = task.problem, refined.curve
+    task.progress(f"replaying a motion of {curve.duration:.6f} s")
+    if can_be_slowed(problem):  # velocities have a reserve for the replay's error
+        fastest = max(float(np.max(leg.fastest / problem.limits.velocity)) for leg in curve.legs)
+        curve = curve.slower(max((1 + task.policy.curves.velocity_error) * fastest, 1.0))
+    # `follow` integrates as `replay_torques` does, sample by sample; `proof.repeat` uses another integrator.
+    replay = follow(task, sampled(task, curve))
+    # Where friction jumps, or the arm is unstable, `refine.slowing` would end off the goal.
+    for more in (1.0, task.policy.curves.slowing_factor) if can_be_slowed(problem) else ():
+        factor = least_factor(problem.robot, problem.limits, replay, LIMIT_TOLERANCE)
+        if not 1 < factor < 1 + task.policy.curves.most_excess:
+            break
+        curve = curve.slower(1 + more * (factor - 1))
+        replay = follow(task, sampled(task, curve))
+    curve, replay, reports = within_constraints(task, curve, replay, refined.spec.constraints)
+    result = refined.solved.result
+    remark = ON_CURVE if refined.solved.converged else f"the curve did not converge ({result.message})"
+    shares = _deciding(task, refined)
+    idle = problem.robot.joint_names if shares else ()
+    passing, intervals = tuple(map(float, curve.passing)), curve.legs[0].basis.intervals
+    found = Optimum.of(problem, replay, intervals, None, remark, idle, reports=reports, via_times=passing)
+    return replace(found, iterations=refined.iterations, decides=shares, calm=refined.calm)

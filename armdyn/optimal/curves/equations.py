@@ -1,0 +1,250 @@
+"""Equations of a B-spline program: inverse dynamics at points, limits of derivatives, continuity between legs."""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from armdyn.codegen.compiled import compiled
+from armdyn.dynamics.symbolic import Dynamics
+from armdyn.locks import built_once
+from armdyn.optimal.constraints.rows import RowValues, StageRows
+from armdyn.optimal.constraints.stages import IntervalFunctions, Stages, differentiated, nonzeros_of
+from armdyn.optimal.curves.basis import WINDOW
+from armdyn.optimal.mesh.interval import only_present
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+
+POINTS = 2
+"""Number of Gauss points per interval, at which torques are unknowns."""
+BODY = 10
+"""Number of dynamic parameters of the body on the last joint."""
+
+
+@dataclass(frozen=True)
+class Shared:
+    """Parameters common to all equations of a curve, in symbols or numbers.
+
+    Attributes:
+        effort: scales of the torques: half their ranges [N m or N], shape (nv,).
+        weights: weights of the squared scaled torques over time, shape (nv,).
+        body: dynamic parameters of the body on the last joint, shape (10,).
+        travel: scales of dq/ds, s being the part of the time, where it has a cost [rad or m], shape (nv,).
+        time_cost: cost of a second.
+    """
+
+    effort: ca.SX
+    weights: ca.SX
+    body: ca.SX
+    travel: ca.SX
+    time_cost: ca.SX
+
+    @staticmethod
+    def size(joints: int) -> int:
+        return 3 * joints + BODY + 1
+
+    @classmethod
+    def symbols(cls, joints: int) -> "Shared":
+        sizes = (("effort", joints), ("weights", joints), ("body", BODY), ("travel", joints), ("hurry", 1))
+        return cls(*(ca.SX.sym(name, size) for name, size in sizes))
+
+    def column(self) -> ca.SX:
+        return ca.vertcat(self.effort, self.weights, self.body, self.travel, self.time_cost)
+
+
+@built_once(maxsize=16)
+def torque_equations(dynamics: Dynamics, compile_mode: bool | None) -> IntervalFunctions:
+    """Torque at a point of the curve by inverse dynamics minus its unknown, both over half the torque's range.
+
+    Unknowns: the control points of its window, the leg's duration T [s], the scaled torques.
+    Parameters: values, first and second derivatives of the window's B-splines, shape (3, WINDOW); the point's part of
+        the time; costs there of a squared torque, whatever T is, and of squared dq/ds over the scales of `Shared`; then
+        `Shared`.
+    The chain from control points to (q, q', q'') is linear, so that the dynamics are differentiated in these only.
+    """
+    n, shared = dynamics.nv, Shared.symbols(dynamics.nv)
+    curve, duration, torque = ca.SX.sym("curve", 3 * n), ca.SX.sym("T"), ca.SX.sym("torque", n)
+    basis, part, tie, calm = ca.SX.sym("basis", 3 * WINDOW), ca.SX.sym("part"), ca.SX.sym("tie"), ca.SX.sym("calm")
+    body = only_present(dynamics, shared.body)
+    q, dq, ddq = (curve[i * n : (i + 1) * n] for i in range(3))
+    load = dynamics.rnea(q, dq / duration, ddq / duration**2, body) / shared.effort
+    points, lam, sigma = ca.SX.sym("points", n * WINDOW), ca.SX.sym("lam", n), ca.SX.sym("sigma")
+    y, p = ca.vertcat(points, duration, torque), ca.vertcat(basis, part, tie, calm, shared.column())
+    chain = ca.kron(ca.reshape(basis, WINDOW, 3).T, ca.SX.eye(n))
+    outer, at = ca.diagcat(chain, ca.SX.eye(1)), chain @ points
+    moving = calm * ca.sumsqr(at[n : 2 * n] / shared.travel)
+    effort = shared.time_cost * part * duration * ca.dot(shared.weights, torque**2)
+    cost = (tie * ca.sumsqr(torque) + moving + effort) / 2
+    inner = ca.vertcat(curve, duration)
+    curvature = ca.hessian(ca.dot(lam, load), inner)[0]
+    jacobian = ca.horzcat(ca.jacobian(load, inner) @ outer, -ca.SX.eye(n))
+    paying = ca.hessian(sigma * cost, ca.vertcat(points, duration, torque))[0]
+    hessian = ca.triu(ca.diagcat(outer.T @ curvature @ outer, ca.SX(n, n)) + paying)
+    fast = compiled(
+        (
+            ca.Function("torque_jacobian", [y, p], [ca.substitute(nonzeros_of(jacobian), curve, at)]),
+            ca.Function("torque_hessian", [y, p, sigma, lam], [ca.substitute(nonzeros_of(hessian), curve, at)]),
+        ),
+        compile_mode,
+        later=True,
+    )
+    return IntervalFunctions(
+        defects=ca.Function("torque_defects", [y, p], [ca.substitute(load, curve, at) - torque]),
+        cost=ca.Function("torque_cost", [y, p], [cost]),
+        jacobian=fast[0],
+        jacobian_pattern=jacobian.sparsity(),
+        hessian=fast[1],
+        hessian_pattern=hessian.sparsity(),
+    )
+
+
+@built_once(maxsize=16)
+def torque_step_cost(joints: int) -> IntervalFunctions:
+    """Cost of the squared change of torques from one point of a leg to the next; no equations.
+
+    Unknowns: the scaled torques at both points. Parameter: cost of a squared change.
+    """
+    y, price = ca.SX.sym("y", 2 * joints), ca.SX.sym("price")
+    cost = price * ca.sumsqr(y[joints:] - y[:joints]) / 2
+    return differentiated("torque_step", y, price, ca.SX(0, 1), cost, False)
+
+
+@built_once(maxsize=16)
+def rate_equations(joints: int, order: int) -> IntervalFunctions:
+    """Control point of a time derivative of the curve, relative to the derivative's limits.
+
+    Unknowns: order + 1 control points of the curve, the leg's duration T.
+    Parameters: factors of these, shape (order + 1,); one over the limits, shape (nv,).
+    """
+    points, duration = ca.SX.sym("points", joints, order + 1), ca.SX.sym("T")
+    factors, over = ca.SX.sym("factors", order + 1), ca.SX.sym("over", joints)
+    rates = (points @ factors) / duration**order * over
+    y, p = ca.vertcat(ca.vec(points), duration), ca.vertcat(factors, over)
+    return differentiated(f"rate{order}", y, p, rates, None, False)
+
+
+@built_once(maxsize=16)
+def meeting_equations(joints: int, order: int) -> IntervalFunctions:
+    """Time derivative at the end of a leg minus that at the start of the next leg, over its scale.
+
+    Unknowns: order + 1 control points and the duration of one leg, then of the other.
+    Parameters: factors of these points, shape (2, order + 1); one over the scale, shape (nv,).
+    """
+    count = joints * (order + 1)
+    y, over = ca.SX.sym("y", 2 * (count + 1)), ca.SX.sym("over", joints)
+    factors = ca.SX.sym("factors", 2 * (order + 1))
+    sides = []
+    for side in range(2):
+        own = y[side * (count + 1) : (side + 1) * (count + 1)]
+        part = factors[side * (order + 1) : (side + 1) * (order + 1)]
+        sides.append(ca.reshape(own[:count], joints, order + 1) @ part / own[count] ** order)
+    gap = (sides[0] - sides[1]) * over
+    return differentiated(f"meeting{order}", y, ca.vertcat(factors, over), gap, None, False)
+
+
+@built_once(maxsize=16)
+def torque_rate_equations(joints: int, sides: int, given: bool = False) -> IntervalFunctions:
+    """Torque rates between two neighbouring points, relative to the limits of the rates.
+
+    Unknowns: the scaled torques at both points, then the durations of their legs.
+    Parameters: part of each leg's duration between the points, shape (sides,); half the torque's
+    range over the limit [s], shape (nv,).
+
+    Args:
+        joints: number of joints.
+        sides: number of legs: 1, or 2 for points before and after a via pose.
+        given: whether the first torques are parameters instead of unknowns: at the motion's ends.
+    """
+    before, after = ca.SX.sym("before", joints), ca.SX.sym("after", joints)
+    durations, parts, over = ca.SX.sym("T", sides), ca.SX.sym("parts", sides), ca.SX.sym("over", joints)
+    rates = (after - before) * over / ca.dot(parts, durations)
+    y, p = ca.vertcat(after, durations), ca.vertcat(parts, over)
+    y, p = (y, ca.vertcat(before, p)) if given else (ca.vertcat(before, y), p)
+    return differentiated(f"torque_rate{sides}", y, p, rates, None, False)
+
+
+@built_once(maxsize=16)
+def torque_speed_equations(joints: int, lines: int) -> IntervalFunctions:
+    """Scaled torques plus speed terms, τ + s v, for every line of the torque-speed curves at a point.
+
+    Unknowns: as in `torque_equations`.
+    Parameters: first derivatives of the window's B-splines, shape (WINDOW,); slopes s over half the torque's range
+    [s/rad or s/m], shape (lines, nv).
+    """
+    points, duration = ca.SX.sym("points", joints, WINDOW), ca.SX.sym("T")
+    torque, basis, slopes = ca.SX.sym("torque", joints), ca.SX.sym("basis", WINDOW), ca.SX.sym("slopes", joints, lines)
+    used = ca.repmat(torque, 1, lines) + slopes * ca.repmat(points @ basis / duration, 1, lines)
+    y, p = ca.vertcat(ca.vec(points), duration, torque), ca.vertcat(basis, ca.vec(slopes))
+    return differentiated(f"torque_speed{lines}", y, p, ca.vec(used), None, False)
+
+
+@dataclass(frozen=True)
+class CurveInterval:
+    """Interval of a curve for path constraints: stages at its ends and the Gauss points.
+
+    Its unknowns: the window's control points, the leg's duration, the torques at the Gauss points.
+    Its parameters: coefficients of the window's B-splines in powers of the part of the interval, shape
+    (WINDOW, WINDOW), its part of the leg, then `Shared`.
+
+    Attributes:
+        dynamics: dynamics with a symbolic last body.
+        compile: whether derivatives become machine code, see `compiled`.
+    """
+
+    dynamics: Dynamics
+    compile: bool | None = None
+
+    def stages(self) -> Stages:
+        """The interval in symbols; torques are linear between and beyond the Gauss points."""
+        n, shared = self.dynamics.nv, Shared.symbols(self.dynamics.nv)
+        points, duration = ca.SX.sym("points", n, WINDOW), ca.SX.sym("T")
+        torques, powers = ca.SX.sym("torques", n, POINTS), ca.SX.sym("powers", WINDOW, WINDOW)
+        part = ca.SX.sym("part")
+        h, coefficients = part * duration, points @ powers
+        gauss = (np.polynomial.legendre.leggauss(POINTS)[0] + 1) / 2
+        c = np.concatenate([[0.0], gauss, [1.0]])
+        slope = (torques[:, 1] - torques[:, 0]) / (gauss[1] - gauss[0])
+        return Stages(
+            y=ca.vertcat(ca.vec(points), duration, ca.vec(torques)),
+            p=ca.vertcat(ca.vec(powers), part, shared.column()),
+            h=h,
+            c=c,
+            q=ca.horzcat(*(_power(coefficients, s, 0) for s in c)),
+            v=ca.horzcat(*(_power(coefficients, s, 1) / h for s in c)),
+            a=ca.horzcat(*(_power(coefficients, s, 2) / h**2 for s in c)),
+            tau=ca.horzcat(*((torques[:, 0] + (s - gauss[0]) * slope) * shared.effort for s in c)),
+            acceleration=ca.SX(1),
+            effort=shared.effort,
+            dynamics=self.dynamics,
+        )
+
+
+def _power(coefficients: ca.SX, s: ca.SX | float, order: int) -> ca.SX:
+    """A derivative at s of the polynomial with given coefficients, one column per power."""
+    value = ca.SX(coefficients.shape[0], 1)
+    for power in range(coefficients.shape[1] - 1, order - 1, -1):
+        falling = float(np.prod(np.arange(power - order + 1, power + 1)))
+        value = value * s + falling * coefficients[:, power]
+    return value
+
+
+def end_torque_rows(problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
+    """Rows at the start and the end of every leg for problems with regions: their legs may be short."""
+    legs = range(len(problem.poses) - 1) if problem.has_regions else ()
+    ends = (("first", 0), ("last", -1))
+    return tuple(StageRows(_torques, (stage,), where=where, leg=leg) for leg in legs for where, stage in ends)  # type: ignore[arg-type]
+
+
+def end_torque_values(problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
+    """Bounds of `end_torque_rows`: the torque limits divided by half the torque range."""
+    actuators = problem.limits.actuators
+    bounds = RowValues(actuators.lower / actuators.half_range, actuators.upper / actuators.half_range)
+    return (bounds,) * len(end_torque_rows(problem))
+
+
+def _torques(stages: Stages, numbers: ca.SX, stage: int) -> ca.SX:
+    """Torques at a stage by inverse dynamics, over half their ranges."""
+    n, dynamics = stages.dynamics.nv, stages.dynamics
+    first = WINDOW**2 + 1 + 2 * n
+    body = only_present(dynamics, stages.p[first : first + BODY])
+    scaled: ca.SX = dynamics.rnea(stages.q[:, stage], stages.v[:, stage], stages.a[:, stage], body) / stages.effort
+    return scaled

@@ -1,0 +1,191 @@
+"""Excess of torques over their limits between a curve's points, and the margins that remove it."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from armdyn.arrays import Array
+from armdyn.dynamics.numeric import inverse_dynamics
+from armdyn.models.values.actuator_limits import ActuatorLimits
+from armdyn.optimal.constraints.tightened import TightenedConstraints
+from armdyn.optimal.curves.curve import Curve, CurveLeg
+from armdyn.optimal.curves.equations import POINTS
+from armdyn.optimal.curves.nlp_data import CurveSpec, TorqueMargin, curve_layout, torque_rates
+from armdyn.optimal.problem.task import Task
+
+_MOST = 0.95
+"""Largest torque margin, as a part of half the torque's range."""
+_KEPT = -1.0
+"""Excess of a rate that is zero, or has no limit."""
+
+
+def excesses_of(task: Task, curve: Curve) -> tuple[TorqueMargin, ...]:
+    """Excess of torques and torque rates over their limits near every point of every leg, as parts of the limits.
+
+    Args:
+        task: task with the limits, and the number of places to check.
+        curve: the curve.
+    """
+    problem, checks = task.problem, task.policy.curves.checks
+    limit, found = torque_rates(task, TightenedConstraints.of(task)), []
+    for leg in curve.legs:
+        breaks = leg.basis.breaks
+        s = breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1, checks + 1)
+        q, v, a = (x.reshape(*s.shape, -1) for x in leg.at(s.ravel()))
+        tau = inverse_dynamics(problem.robot)(q, v, a)
+        rates = _KEPT if limit is None else _rate_excess(leg, s, tau, limit)
+        found.append(TorqueMargin(*torque_excess(problem.limits.actuators, q, v, tau, POINTS), rates))
+    return tuple(found)
+
+
+def torque_excess(limits: ActuatorLimits, q: Array, v: Array, tau: Array, parts: int) -> tuple[Array, Array]:
+    """Largest excess of torques over their upper and lower limits in each part of every interval.
+
+    Args:
+        limits: the limits.
+        q: positions at places of every interval, including its ends [rad or m], shape (intervals, places, nv).
+        v: velocities there [rad/s or m/s], likewise.
+        tau: torques there [N m or N], likewise.
+        parts: number of equal parts of an interval.
+
+    Returns:
+        Excesses as parts of half the ranges, negative: slack, each of shape (intervals * parts, nv). The maximum of the
+        parabola through three places counts.
+    """
+    marks, half = np.linspace(0, tau.shape[1] - 1, parts + 1).astype(int), limits.half_range
+    weakest, strongest = limits.range(q, v)
+    upper, lower = (
+        np.stack([np.max(beyond[:, a : b + 1], axis=1) for a, b in pairwise(marks)], axis=1).reshape(-1, half.size)
+        for beyond in (peaks((tau - strongest) / half), peaks((weakest - tau) / half))
+    )
+    return upper, lower
+
+
+def peaks(tau: Array) -> Array:
+    """Torques in an interval, raised to the maximum of the parabola through three of them where that lies between.
+
+    Args:
+        tau: torques, shape (intervals, places, nv).
+    """
+    first, second = tau[:, 2:] - tau[:, :-2], tau[:, 2:] - 2 * tau[:, 1:-1] + tau[:, :-2]
+    near = np.abs(first) < -2 * second  # the maximum is no farther than the next place
+    raised = tau.copy()
+    raised[:, 1:-1] += np.where(near, first**2, 0.0) / (8 * np.where(near, -second, 1.0))
+    return raised
+
+
+def _rate_excess(leg: CurveLeg, s: Array, tau: Array, limit: Array) -> Array:
+    """Excess of torque rates between a leg's points, as parts of the limits, shape (points + 1, nv).
+
+    Args:
+        leg: leg with its points and duration.
+        s: places of every interval, shape (intervals, places).
+        tau: torques at s [N m or N], shape (intervals, places, nv).
+        limit: limits of the rates [N m/s or N/s], shape (nv,).
+    """
+    rates = np.abs(np.diff(tau, axis=1)) / (leg.duration * np.diff(s, axis=1)[..., None]) / limit - 1
+    middle = (s[:, 1:] + s[:, :-1]).ravel() / 2
+    which = np.searchsorted(leg.basis.gauss(POINTS)[0].ravel(), middle)
+    over = np.full((leg.basis.intervals * POINTS + 1, limit.size), _KEPT)
+    rates = rates.reshape(-1, limit.size)
+    for offset in (-1, 0, 1):  # a step with a full margin leaves the excess to its neighbours
+        np.maximum.at(over, np.clip(which + offset, 0, len(over) - 1), rates)
+    return over
+
+
+def worst_excess(over: tuple[TorqueMargin, ...]) -> float:
+    """Largest excess of all legs, as a part of a limit."""
+    return float(max(np.max(side) for leg in over for side in (leg.upper, leg.lower, leg.rates)))
+
+
+def larger_margin(task: Task, margin: TorqueMargin, over: TorqueMargin, eager: float | None = None) -> TorqueMargin:
+    """Larger margin where a torque exceeds its limit; at a point with a full margin, both neighbours get it.
+
+    Args:
+        task: task with the tuned numbers.
+        margin: margin so far.
+        over: excess of torques.
+        eager: factor from excess to margin; None: the policy's.
+    """
+    numbers = task.policy.curves
+    times = numbers.eager if eager is None else eager
+
+    def more(beyond: Array | float) -> Array:
+        return np.asarray(np.maximum(np.asarray(beyond) + numbers.margin_added, 0) * times)
+
+    upper, lower, rates = more(over.upper), more(over.lower), more(over.rates)
+    left = np.pad(np.maximum(upper * (margin.upper >= _MOST), lower * (margin.lower >= _MOST)), ((1, 1), (0, 0)))
+    neighbours = np.maximum(left[:-2], left[2:])
+    upper, lower = margin.upper + upper + neighbours, margin.lower + lower + neighbours
+    return TorqueMargin(np.minimum(upper, _MOST), np.minimum(lower, _MOST), np.minimum(margin.rates + rates, _MOST))
+
+
+def round_words(number: int, curve: Curve, over: tuple[TorqueMargin, ...]) -> str:
+    """Progress of a round: the duration, and the excess for the next margins."""
+    beyond = f"{100 * max(worst_excess(over), 0.0):.2g} % beyond between points"
+    return f"round {number}: {curve.duration:.6f} s, torques {beyond}"
+
+
+class Tightening:
+    """Adapts torque margins between steps until torques satisfy their limits between the points, too.
+
+    Attributes:
+        spec: requirements of the curve, with the margins so far.
+        enough: acceptable excess, as a part of half the range.
+        rounds: number of changes of the margins.
+    """
+
+    def __init__(self, task: Task, guess: Curve, spec: CurveSpec, enough: float):
+        self.task, self.spec, self.enough, self.rounds = task, spec, enough, 0
+        self._guess, self._shape = guess, curve_layout(task.problem, guess, spec.constraints)
+        self._last = np.empty(0), tuple[TorqueMargin, ...]()
+
+    def __call__(self, x: Array, tau: Array) -> tuple[Array, Array] | None:
+        """Tightened bounds of the torques at the points, in half ranges; None without a change."""
+        curve = self._shape.curve(self._guess, x)
+        over = excesses_of(self.task, curve)
+        self._last = x, over
+        if worst_excess(over) <= self.enough or self.rounds == self.task.policy.curves.rounds:
+            return None
+        self.rounds += 1
+        self.task.progress(round_words(self.rounds, curve, over))
+        actuators = self.task.problem.limits.actuators
+        least, most = (side / actuators.half_range for side in (actuators.lower, actuators.upper))
+        margin, (beyond,) = self.spec.margin(0), over
+        spare_upper, spare_lower = most - margin.upper - tau, tau - (least + margin.lower)
+        # A point's own excess, by nonlinearity, is left to the next step.
+        left = TorqueMargin(
+            beyond.upper + np.minimum(spare_upper, 0), beyond.lower + np.minimum(spare_lower, 0), beyond.rates
+        )
+        margin = replace(
+            margin,
+            upper=margin.upper + self._idle(spare_upper, beyond.upper),
+            lower=margin.lower + self._idle(spare_lower, beyond.lower),
+        )
+        margin = self._moved(margin, left)
+        self.spec = replace(self.spec, margins=(margin,))
+        return least + margin.lower, most - margin.upper
+
+    def _idle(self, spare: Array, beyond: Array | float) -> Array:
+        """Slack of a torque whose neighbours exceed their bounds: a smaller margin has no effect."""
+        idle = (np.asarray(beyond) > self.enough) & (spare > 0) & (spare < self.task.policy.curves.active_slack)
+        return np.where(idle, spare, 0.0)
+
+    def _moved(self, margin: TorqueMargin, over: TorqueMargin) -> TorqueMargin:
+        """Larger margins where torques exceed their limits; smaller ones where they stay below, in early rounds."""
+        numbers = self.task.policy.curves
+        late = self.rounds - numbers.decrease_rounds
+        if self.spec.least or late > 0:  # the rest falls slowly
+            return larger_margin(self.task, margin, over, numbers.eager * max(late, 1))
+        more = larger_margin(self.task, margin, over, numbers.eager_steps)
+
+        def smaller(side: Array | float, beyond: Array | float) -> Array:
+            spare = np.minimum(np.asarray(beyond) + numbers.margin_added, 0)
+            return np.asarray(np.maximum(side + numbers.margin_decrease * spare, 0))
+
+        return replace(more, upper=smaller(more.upper, over.upper), lower=smaller(more.lower, over.lower))
+
+    def over_at(self, x: Array) -> tuple[TorqueMargin, ...] | None:
+        """Excess of the torques, without their margins, at unknowns, if these were evaluated last; else None."""
+        return self._last[1] if np.array_equal(self._last[0], x) else None

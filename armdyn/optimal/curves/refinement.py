@@ -1,0 +1,310 @@
+"""Refinement of a curve until its limits hold between the program's points, too."""
+
+from dataclasses import dataclass, replace
+from operator import is_
+
+import numpy as np
+
+from armdyn.optimal.constraints.tightened import ConstraintReports, TightenedConstraints
+from armdyn.optimal.curves.curve import Curve, CurveLeg
+from armdyn.optimal.curves.equations import POINTS
+from armdyn.optimal.curves.excess import Tightening, excesses_of, larger_margin, round_words, worst_excess
+from armdyn.optimal.curves.nlp_data import CurveSpec, TorqueMargin
+from armdyn.optimal.curves.sampling import fine_enough, sample_counts
+from armdyn.optimal.curves.solve import Solved, solve_curve
+from armdyn.optimal.problem.policy.curves import SequentialPolicy
+from armdyn.optimal.problem.task import Task
+from armdyn.optimal.verify.follow import follow
+from armdyn.optimal.verify.limit_violations import can_be_slowed, constraints_mended, least_factor
+from armdyn.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedCurve:
+    """A refined curve, and its remaining excess over the limits.
+
+    Attributes:
+        curve: the motion.
+        solved: the program's last solution; the curve may be slower.
+        spec: specification of the last round, with its tightened constraints and margins.
+        iterations: iterations of IPOPT, or quadratic programs, over all rounds.
+        excess: largest excess of a torque between the points, as a part of half its range; not positive: no excess.
+        reports: reports on the path constraints.
+        calm: time spent on calm joints [s].
+    """
+
+    curve: Curve
+    solved: Solved
+    spec: CurveSpec
+    iterations: int
+    excess: float
+    reports: ConstraintReports
+    calm: float = 0.0
+
+
+def refine_curve(task: Task, guess: Curve, rough: bool = False, by_steps: bool = False) -> RefinedCurve:
+    """The fastest curve near a guess, within its torque limits and path constraints everywhere.
+
+    An excess of a torque between two points becomes a margin of the limit there, and the program is solved again.
+
+    Args:
+        task: the problem and its settings.
+        guess: initial guess.
+        rough: whether `calm_curve` continues from the result: then its duration is the fastest, and its torques may
+            exceed their limits slightly.
+        by_steps: do not fall back on IPOPT if sequential convexification does not converge.
+    """
+    little = task.policy.curves.calm_excess if rough else task.policy.curves.small_excess
+    return _refined(task, guess, CurveSpec.of(task), little, by_steps=by_steps)
+
+
+def _refined(
+    task: Task, guess: Curve, spec: CurveSpec, little: float, near: Solved | None = None, by_steps: bool = False
+) -> RefinedCurve:
+    enough = little if can_be_slowed(task.problem) else 0.0
+    tightening = Tightening(task, guess, spec, enough)
+    solved = solve_curve(task, guess, spec, near, tightening, by_steps)
+    over = tightening.over_at(solved.result.x)
+    return _in_rounds(task, solved, tightening.spec if solved.in_steps else spec, enough, over)
+
+
+def calm_curve(task: Task, fastest: RefinedCurve, share: float) -> RefinedCurve:
+    """Refine a fastest curve to the calm one: slower by a share, with the least joint travel and torque changes.
+
+    Without such a curve, or if it is slower, the fastest curve is returned.
+
+    Args:
+        task: the problem and its settings.
+        fastest: the fastest curve, within its limits.
+        share: part of the fastest duration that may be spent [-].
+    """
+    numbers, duration = task.policy.curves, fastest.curve.duration
+    least = (1 + share - numbers.small_excess) * duration
+    spec = replace(fastest.spec, smooth=0.0, travel=numbers.travel, steps=numbers.torque_steps, least=least)
+    near = None if fastest.solved.in_steps else fastest.solved
+    found = _refined(task, fastest.curve, spec, numbers.small_excess, near)
+    given = found.curve.duration - duration
+    kept = found.solved.converged and found.excess <= numbers.small_excess and constraints_mended(task, found.reports)
+    if task.stop or not kept or given > share * duration:
+        return refined_again(task, fastest)
+    return replace(found, solved=fastest.solved, iterations=fastest.iterations + found.iterations, calm=given)
+
+
+def refined_again(task: Task, rough: RefinedCurve) -> RefinedCurve:
+    """Refine a rough curve until it is within its limits; slow it down if the time is up.
+
+    Args:
+        task: the problem and its settings.
+        rough: rough curve from `refine_curve`.
+    """
+    little = task.policy.curves.small_excess
+    if rough.excess <= little:
+        return rough
+    if task.stop or not rough.solved.converged:
+        return _in_rounds(task, rough.solved, rough.spec, little)
+    found = _refined(task, rough.curve, rough.spec, little)
+    return replace(found, iterations=rough.iterations + found.iterations)
+
+
+def _in_rounds(
+    task: Task, solved: Solved, spec: CurveSpec, enough: float, over: tuple[TorqueMargin, ...] | None = None
+) -> RefinedCurve:
+    """Tighten a specification and solve it again until the limits hold between the points, too.
+
+    Args:
+        task: the problem and its settings.
+        solved: the first round.
+        spec: requirements of the first round.
+        enough: acceptable excess, as a part of half the range.
+        over: excess of torques in the first round; None: unknown.
+    """
+    numbers, problem, iterations = task.policy.curves, task.problem, solved.result.iterations
+    worst = last = np.inf
+    for k in range(numbers.rounds):
+        over = over or excesses_of(task, solved.curve)
+        kept = reports_on(task, solved.curve, spec.constraints)
+        worst = worst_excess(over)
+        if (worst <= enough and constraints_mended(task, kept)) or task.stop or not solved.converged:
+            break
+        task.progress(round_words(k + 1, solved.curve, over))
+        before, spec = spec.constraints.path_constraints, _tighter(task, spec, over, kept)
+        if worst <= enough and all(map(is_, before, spec.constraints.path_constraints)):
+            break  # no constraint can be tightened further
+        # Margins of limits that are not active do not change steps; IPOPT's barrier responds to them.
+        solved, last = replace(solved, in_steps=solved.in_steps and worst < last), worst
+        again = solve_curve(task, solved.curve, spec, solved)
+        iterations += again.result.iterations
+        if not again.converged:
+            break
+        solved, over = again, None
+    curve, over = solved.curve, over or excesses_of(task, solved.curve)
+    rough = numbers.small_excess < worst <= enough and not task.stop and solved.converged
+    if can_be_slowed(problem) and not rough:
+        curve, over = _within_limits(task, curve, over, numbers.small_excess)
+    reports = reports_on(task, curve, spec.constraints)
+    return RefinedCurve(curve, solved, spec, iterations, worst_excess(over), reports)
+
+
+def _tighter(task: Task, spec: CurveSpec, over: tuple[TorqueMargin, ...], reports: ConstraintReports) -> CurveSpec:
+    """Specification with larger torque margins and tightened constraints, by the excesses."""
+    more = tuple(larger_margin(task, spec.margin(k), here) for k, here in enumerate(over))
+    return replace(spec, margins=more, constraints=spec.constraints.tightened(task.problem, reports))
+
+
+def _within_limits(
+    task: Task, fast: Curve, over: tuple[TorqueMargin, ...], most: float
+) -> tuple[Curve, tuple[TorqueMargin, ...]]:
+    """Slow a curve down to its limits, as far as that helps; return the curve and the remaining excess.
+
+    Args:
+        task: task with the limits.
+        fast: the curve.
+        over: excess of torques.
+        most: largest excess that slowing down removes, as a part of half the range.
+    """
+    curve = _slowed(task, fast)
+    over = over if curve is fast else excesses_of(task, curve)
+    numbers = task.policy.curves
+    for _ in range(numbers.paces):  # excesses between samples
+        if not 0 < worst_excess(over) <= most:
+            break
+        curve = curve.slower(1 + numbers.slower * worst_excess(over))
+        over = excesses_of(task, curve)
+    return curve, over
+
+
+def slowed_to_limits(task: Task, refined: RefinedCurve) -> RefinedCurve:
+    """Slow a refined curve down to its limits, if refinement left them exceeded.
+
+    Args:
+        task: task whose motions can be slowed down.
+        refined: the curve; its path constraints are checked again.
+    """
+    curve, over = _within_limits(task, refined.curve, excesses_of(task, refined.curve), np.inf)
+    reports = reports_on(task, curve, refined.spec.constraints)
+    return replace(refined, curve=curve, excess=worst_excess(over), reports=reports)
+
+
+def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
+    """The fastest curve near a guess within its distances, slowed down to its limits: the best of some rounds.
+
+    Args:
+        task: task with required distances.
+        guess: initial guess.
+    """
+    numbers, most_excess = task.policy.sequential, task.policy.curves.most_excess
+    constraints = TightenedConstraints.of(task)
+    margins = () if task.problem.has_regions else tuple(_at_the_ends(leg, numbers) for leg in guess.legs)
+    spec = CurveSpec(constraints, margins=margins)
+    found, solved, iterations = list[RefinedCurve](), None, 0
+
+    def rank(one: RefinedCurve) -> tuple[bool, bool, float]:
+        broken = np.any(one.curve.velocity_jumps(task.problem.limits.velocity) > numbers.parted)
+        broken |= not constraints_mended(task, one.reports)
+        return bool(broken), one.excess > most_excess, one.curve.duration
+
+    for k in range(numbers.rounds):
+        solved = solve_curve(task, guess if solved is None else solved.curve, spec, solved)
+        iterations += solved.result.iterations
+        over = excesses_of(task, solved.curve)
+        curve, left = solved.curve, over
+        if can_be_slowed(task.problem):
+            curve, left = _within_limits(task, curve, over, most_excess)
+        reports = reports_on(task, curve, spec.constraints)
+        found.append(RefinedCurve(curve, solved, spec, iterations, worst_excess(left), reports))
+        little = curve.duration < (1 + numbers.slowed * 2**k) * solved.curve.duration
+        good = not any(rank(found[-1])[:2])
+        task.progress(f"round {k + 1}: {curve.duration:.4f} s{'' if good else ', limits are not satisfied yet'}")
+        if task.stop or (good and little):
+            break
+        spec = _tighter(task, spec, over, reports)
+    return replace(min(found, key=rank), iterations=iterations)
+
+
+def _at_the_ends(leg: CurveLeg, numbers: SequentialPolicy) -> TorqueMargin:
+    """Margins near the ends, where torques change fast, and in the first and last interval."""
+    margin = np.zeros((POINTS * leg.basis.intervals, leg.points.shape[1]))
+    near = POINTS * numbers.switching
+    margin[:near] = margin[-near:] = numbers.switch_margin
+    margin[:POINTS] = margin[-POINTS:] = numbers.end_margin
+    return TorqueMargin(margin, margin)
+
+
+def reports_on(task: Task, curve: Curve, constraints: TightenedConstraints) -> ConstraintReports:
+    """Reports on a curve's path constraints.
+
+    Args:
+        task: the problem and its settings.
+        curve: the motion.
+        constraints: the path constraints.
+    """
+    if not constraints.path_constraints:
+        return ConstraintReports(())
+    motion = sampled(task, curve)
+    if not can_be_slowed(task.problem):  # the feedback's corrections are not removed later
+        motion = follow(task, motion)
+    return constraints.check(task.problem, motion, curve.passing)
+
+
+def sampled(task: Task, curve: Curve, times: int = 1) -> Trajectory:
+    """Samples of a curve, between which torques are linear.
+
+    Args:
+        task: the problem and its settings.
+        curve: the motion.
+        times: multiple of the policy's number of samples.
+    """
+    numbers, problem = task.policy.curves, task.problem
+    jumps = not problem.continuous_torque
+    if not jumps:  # the feedback's corrections change fast between close samples
+        numbers = replace(numbers, most_samples=numbers.samples)
+    if not can_be_slowed(problem):
+        numbers = replace(numbers, velocity_error=numbers.velocity_error_in_flight)
+    dry_friction = bool(np.any(np.asarray(problem.robot.friction.coulomb) > 0))
+    finer = times * (numbers.finer if dry_friction or not jumps or not numbers.cruises else 1)
+    numbers = fine_enough(problem.robot, curve.trajectory(problem.robot, jumps=jumps), numbers)
+    counts = [finer * sample_counts(problem.robot, leg, problem.limits.velocity, numbers) for leg in curve.legs]
+    return curve.trajectory(problem.robot, counts, jumps)
+
+
+def _slowed(task: Task, curve: Curve) -> Curve:
+    """The same path, slowed down until torques and speeds are within their limits; unchanged if no pace is."""
+    exact = task.problem.limits.actuators.constant and not task.problem.robot.friction.present
+    for _ in range(task.policy.curves.paces):
+        factor = least_factor(task.problem.robot, task.problem.limits, sampled(task, curve))
+        if factor == 1 or not np.isfinite(factor):
+            break
+        curve = curve.slower(factor)
+        if exact:
+            break
+    return curve
+
+
+def within_constraints(
+    task: Task, curve: Curve, replay: Trajectory, constraints: TightenedConstraints
+) -> tuple[Curve, Trajectory, ConstraintReports]:
+    """Check the path constraints; slow the curve down where its replay exceeds them much, or Coulomb friction acts.
+
+    Lines between samples miss the bend of the torque of Coulomb friction, which shakes light joints beyond their jerk
+    limits: such a curve is sampled finer before it is slowed down. `slowed`, which slows down the replay itself, would
+    end off the goal there, and where the arm is unstable.
+
+    Args:
+        task: the problem.
+        curve: the motion.
+        replay: of it.
+        constraints: to be checked.
+    """
+    problem = task.problem
+    reports = constraints.check(problem, replay, curve.passing)
+    rubs = bool(np.any(np.asarray(problem.robot.friction.coulomb) > 0))
+    finer = task.policy.curves.finer_still if rubs else ()
+    needed = can_be_slowed(problem) and (rubs or not constraints_mended(task, reports))
+    for k in range(len(finer) + task.policy.refinement.slowing if needed else 0):
+        if reports.slowing == 1 or not np.isfinite(reports.slowing):
+            break
+        if k >= len(finer):
+            curve = curve.slower(reports.slowing + task.policy.path_constraints.slower)
+        replay = follow(task, sampled(task, curve, max(finer[: k + 1], default=1)))
+        reports = constraints.check(problem, replay, curve.passing)
+    return curve, replay, reports

@@ -1,0 +1,154 @@
+"""Minimum time: the optima of a search, resolved and certified, with exact switching times where possible."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from armdyn.optimal.mesh.candidates import SearchResult, find
+from armdyn.optimal.mesh.condensed import solve_quickly
+from armdyn.optimal.mesh.detection import arcs_of
+from armdyn.optimal.mesh.direct import Attempt
+from armdyn.optimal.mesh.land import as_replayed, with_adjoint_check
+from armdyn.optimal.mesh.motion_mesh import ResolvedMotions, mesh_optimum
+from armdyn.optimal.mesh.shooting import replay_on_goal
+from armdyn.optimal.mesh.unknowns import doubled
+from armdyn.optimal.polish.polish import polished
+from armdyn.optimal.problem.task import Task
+from armdyn.optimal.verify.certificate import GOAL_TOLERANCE, certify
+from armdyn.optimal.verify.optimum import Optimum
+from armdyn.optimal.verify.rollout import replay_of
+from armdyn.optimal.verify.slowing import least_slowing
+from armdyn.parallel import in_processes
+from armdyn.trajectory import Trajectory
+
+_GIVEN_UP = "refinement was given up: its budget of mesh iterations is spent"
+
+
+def minimum_time(task: Task) -> tuple[list[Optimum], SearchResult]:
+    """Optima by duration on the mesh, and the search's statistics.
+
+    Args:
+        task: without a weight on effort, and without path constraints.
+    """
+    found = find(task)
+    if not found.attempts:
+        return [], found
+    optima, given_up = refined(task.with_options(intervals=found.mesh), found)
+    left = [attempt.trajectory.duration for attempt in found.attempts[len(optima) :]]
+    return optima, replace(found, slower=tuple(left), remark=_GIVEN_UP if given_up else found.remark)
+
+
+def refined(task: Task, found: SearchResult) -> tuple[list[Optimum], bool]:
+    """Refine optima on the first mesh, best first, until the others are slower.
+
+    Args:
+        task: task with the first mesh as `options.intervals`.
+        found: the optima, best first.
+
+    Returns:
+        The optima that are worth it, in order, and whether the budget is spent.
+    """
+    attempts, numbers, options = found.attempts, task.policy.refinement, task.options
+    # In sequence they share resolved motions: most of the work with active velocity limits.
+    alone = bool(np.any(np.isfinite(task.problem.limits.velocity)))
+    shared = ResolvedMotions(task.policy.motion_mesh) if alone else None
+    optima, cutoff = list[Optimum](), np.inf
+    task.progress(f"refining optimum 1 of {len(attempts)}, about {attempts[0].trajectory.duration:.4f} s")
+    jobs = [partial(_refined, task, one, shared or ResolvedMotions(task.policy.motion_mesh)) for one in attempts]
+    for k, optimum in enumerate(in_processes(jobs, 1 if alone else task.workers, first_here=True)):
+        optima.append(optimum)
+        if optimum.usable(options.replay_tolerance):
+            if shared:
+                shared.best = min(shared.best, optimum.cost)
+            duration, cost = attempts[k].trajectory.duration, optimum.cost
+            sure = duration + numbers.error_factor * abs(duration - cost) if optimum.certificate.ok else np.inf
+            cutoff = min(cutoff, sure, numbers.slower * cost)
+        left = attempts[k + 1 :]
+        slower = options.refinements is None and numbers.lists_slower and left and left[0].trajectory.duration > cutoff
+        if left and (task.stop or slower or (shared and shared.spent)):
+            break
+        if left:
+            task.progress(f"refining optimum {k + 2}, about {left[0].trajectory.duration:.4f} s")
+    return optima, shared is not None and shared.spent
+
+
+def _refined(task: Task, attempt: Attempt, resolved: ResolvedMotions) -> Optimum:
+    """The best motion near a solution, from its mesh or from finer ones where that has no usable motion."""
+    best, last, iterations = None, attempt, 0
+    for size in _sizes(task):
+        if last.intervals != size:
+            last = solve_quickly(task, attempt.trajectory, size, task.fine())
+            iterations += last.iterations
+        if last.usable:
+            attempt, one = last, _near(task, last, resolved)
+            best = one if best is None else min(best, one, key=partial(_quality, task))
+            if best.certificate.ok or best.usable(task.options.replay_tolerance) or resolved.spent:
+                break
+        if task.stop or (best is None and size > task.options.intervals):
+            break
+    if best is not None:
+        return replace(best, iterations=iterations)
+    motion = attempt.trajectory
+    remark = f"did not converge on {last.intervals} intervals ({last.message})"
+    certificate = certify(task.problem, replay_of(task, motion), None, remark)
+    return Optimum(
+        motion,
+        certificate,
+        motion.duration,
+        last.intervals,
+        iterations=iterations,
+        worst_violation=last.worst_violation,
+    )
+
+
+def _sizes(task: Task) -> Iterator[int]:
+    """Numbers of intervals of successively finer meshes."""
+    size: int | None = task.options.intervals
+    while size:
+        yield size
+        size = doubled(size, task.options.max_intervals)
+
+
+def _near(task: Task, attempt: Attempt, resolved: ResolvedMotions) -> Optimum:
+    """Best motion near a mesh's solution: its bang arcs, else the resolved mesh's motion or its bang arcs."""
+    asked = task.options.arcs and task.scheme.control == "constant"
+    if not asked or task.stop:
+        why = "arcs were not requested" if not asked else f"{task.stop.word} before the arcs were read"
+        return Optimum.of(task.problem, replay_on_goal(task, attempt), attempt.intervals, None, why)
+    exact = _exact(task, attempt.trajectory, attempt.intervals)
+    if exact is not None:
+        return exact
+    motion = mesh_optimum(task, attempt, resolved)
+    if motion is None or not motion.within_limits:
+        own = Optimum.of(task.problem, replay_on_goal(task, attempt), attempt.intervals)
+        return own if motion is None else min(own, motion, key=partial(_rank, task))
+    exact = _exact(task, motion.trajectory, motion.intervals)
+    if exact is not None and exact.cost <= (1 + task.policy.same.resolved) * motion.cost:
+        return exact
+    arcs = arcs_of(task.problem, motion.trajectory, task.policy.arcs)
+    certificate = replace(motion.certificate, singular=any(arc.singular for arc in arcs))
+    return replace(motion, arcs=arcs, certificate=certificate)
+
+
+def _exact(task: Task, motion: Trajectory, intervals: int) -> Optimum | None:
+    """The certified motion of a mesh's bang arcs, checked by another integrator; None: there is none."""
+    phases = polished(task, motion)
+    if phases is None:
+        return None
+    found = Optimum.of(task.problem, replay_of(task, phases.torques), intervals, phases)
+    if found.certificate.ok:
+        found = with_adjoint_check(task, as_replayed(task, found))
+    return found if found.certificate.ok else None
+
+
+def _rank(task: Task, optimum: Optimum) -> tuple[bool, float]:
+    """Sort key: first the optima that reach the goal within their limits, by duration; then the others, by error."""
+    factor = least_slowing(task, optimum)
+    good = optimum.certificate.goal_error <= GOAL_TOLERANCE and factor <= task.policy.refinement.slower
+    return not good, factor * optimum.trajectory.duration if good else optimum.error
+
+
+def _quality(task: Task, optimum: Optimum) -> tuple[bool, bool, float]:
+    return not optimum.certificate.ok, *_rank(task, optimum)

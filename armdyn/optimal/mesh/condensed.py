@@ -1,0 +1,234 @@
+"""Solve one guess on one mesh by the condensed program where it suffices, as in the search; else by the full one."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from armdyn.arrays import Array
+from armdyn.optimal.mesh.assembly import CondensedNlp, build_condensed
+from armdyn.optimal.mesh.direct import Attempt, prepare, solve_on_mesh
+from armdyn.optimal.mesh.guesses import Guesses, condensed_starts
+from armdyn.optimal.mesh.ipopt import Ipopt, ipopt_for
+from armdyn.optimal.mesh.layout import CondensedLayout, Layout
+from armdyn.optimal.mesh.solver import NlpData
+from armdyn.optimal.mesh.stagewise.solver import Stagewise
+from armdyn.optimal.mesh.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
+from armdyn.optimal.problem.options import SolverSettings
+from armdyn.optimal.problem.status import Status
+from armdyn.optimal.problem.tableau import Scheme
+from armdyn.optimal.problem.task import Task
+from armdyn.trajectory import Trajectory
+
+_RELAXED = 1e-8
+"""Largest excess of an unknown over its bound that is tolerated."""
+
+
+def condensable(task: Task) -> bool:
+    """Whether a search may use the condensed program."""
+    return task.policy.program.condensed
+
+
+def solve_quickly(
+    task: Task, guess: Trajectory, intervals: int, settings: SolverSettings, between: bool = True
+) -> Attempt:
+    """Like `direct.solve_on_mesh`, by the condensed program if possible.
+
+    Args:
+        task: the problem and its settings.
+        guess: initial guess.
+        intervals: number of intervals of the mesh.
+        settings: iteration limit, tolerance, verbosity.
+        between: whether a solution that exceeds a limit between the knots is solved again with bounds there.
+    """
+    if not condensable(task):
+        return solve_on_mesh(task, guess, intervals, settings)
+    if between and _on_limits(task, guess):
+        return _within(task, guess, intervals, settings)
+    attempt, within = _condensed(task, guess, mesh(intervals), settings)
+    if within or not between or attempt.status is not Status.SOLVED:
+        return attempt
+    again = _within(task, attempt.trajectory, intervals, settings)
+    return replace(again, iterations=attempt.iterations + again.iterations)
+
+
+def guess_jobs(
+    task: Task, guesses: Guesses, settings: Sequence[tuple[int, SolverSettings]]
+) -> list[Callable[[Task], Attempt]]:
+    """Jobs that solve guesses, without limits between the knots, as functions of the task.
+
+    Args:
+        task: the problem and its settings.
+        guesses: initial guesses.
+        settings: number of intervals and solver settings for each guess.
+    """
+    names = task.problem.robot.joint_names
+    if not has_stagewise(task):
+        alone = partial(solve_quickly, between=False)
+        return [
+            partial(alone, guess=guesses.motion(k, names), intervals=intervals, settings=one)
+            for k, (intervals, one) in enumerate(settings)
+        ]
+    jobs = dict[int, Callable[[Task], Attempt]]()
+    for intervals in {intervals for intervals, _ in settings}:
+        which = [k for k, (own, _) in enumerate(settings) if own == intervals]
+        for k, program in zip(which, _programs(task, guesses.chosen(which), intervals), strict=True):
+            jobs[k] = partial(_begun, guesses, k, program, settings[k][1])
+    return [jobs[k] for k in range(len(settings))]
+
+
+def _begun(guesses: Guesses, k: int, program: "_Program", settings: SolverSettings, task: Task) -> Attempt:
+    intervals = program.fractions.size
+    if task.stop:
+        return Attempt.unbegun(task.stop, guesses.motion(k, task.problem.robot.joint_names), intervals)
+    return _solved(task, _solver(task, intervals, settings), program)[0]
+
+
+def _programs(task: Task, guesses: Guesses, intervals: int) -> "list[_Program]":
+    """Condensed programs of guesses on one mesh."""
+    layout, weight = CondensedLayout(Layout(task.problem.robot.nv, task.scheme)), task.problem.effort_weight
+    starts, fractions = condensed_starts(task.problem, layout, guesses, intervals), np.diff(mesh(intervals))
+    return [
+        _Program(
+            x, one.parameters(fractions, one.weights(weight), task.dynamics.last_body), (low, high), one, fractions
+        )
+        for x, low, high, one in zip(*starts, strict=True)
+    ]
+
+
+def has_stagewise(task: Task) -> bool:
+    """Whether the stagewise method is available in time; one solver serves all meshes."""
+    return (
+        not task.stop
+        and condensable(task)
+        and isinstance(_solver(task, task.options.intervals, task.fine()), Stagewise)
+    )
+
+
+def solve_on_knots(task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, tie: float = 0.0) -> Attempt:
+    """Solve on any mesh, with all limits in the middle of the intervals, too: without the stagewise method by IPOPT.
+
+    Args:
+        task: the problem and its settings.
+        guess: initial guess.
+        knots: knots of the mesh as parts of the duration, shape (N + 1,).
+        settings: iteration limit, tolerance, verbosity.
+        tie: see `Scales.weights`.
+    """
+    if not has_stagewise(task):
+        return solve_on_mesh(task, guess, knots.size - 1, settings, knots=knots, tie=tie)
+    attempt, _ = _condensed(task, guess, knots, settings, bounded=True, tie=tie)
+    return replace(attempt, knots=knots)
+
+
+def prepare_quickly(task: Task, intervals: int, settings: SolverSettings) -> None:
+    """Build the functions that `solve_quickly` likely needs."""
+    if task.stop:
+        return
+    if condensable(task):
+        _solver(task, intervals, settings)
+    else:
+        prepare(task, intervals, settings)
+
+
+def _on_limits(task: Task, guess: Trajectory) -> bool:
+    """Whether a guess reaches a position or velocity limit, and so likely exceeds it between the knots."""
+    limits, near = task.problem.limits, task.policy.program.near_limit
+    room = near * np.ptp(guess.q, axis=0)
+    beyond = np.any((guess.q <= limits.position_lower + room) | (guess.q >= limits.position_upper - room))
+    return bool(beyond or np.any(np.abs(guess.v) >= (1 - near) * limits.velocity))
+
+
+def _within(task: Task, guess: Trajectory, intervals: int, settings: SolverSettings) -> Attempt:
+    """An attempt that satisfies all limits in the middle of the intervals, too."""
+    if not task.stop and isinstance(_solver(task, intervals, settings), Stagewise):
+        return _condensed(task, guess, mesh(intervals), settings, bounded=True)[0]
+    return solve_on_mesh(task, guess, intervals, settings)
+
+
+def _condensed(
+    task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, bounded: bool = False, tie: float = 0.0
+) -> tuple[Attempt, bool]:
+    """An attempt, and whether it satisfies all limits between the knots, too.
+
+    Args:
+        task: the problem and its settings.
+        guess: initial guess.
+        knots: knots of the mesh as parts of the duration, shape (N + 1,).
+        settings: iteration limit, tolerance, verbosity.
+        bounded: whether limits hold between the knots, too; only for `Stagewise`.
+        tie: see `Scales.weights`.
+    """
+    intervals = knots.size - 1
+    if task.stop:
+        return Attempt.unbegun(task.stop, guess, intervals), False
+    problem, solver = task.problem, _solver(task, intervals, settings)
+    scales, layout = Scales.of(problem, guess), _layout(solver)
+    full, kept, fractions = layout.full, layout.kept(intervals), np.diff(knots)
+    parameters = scales.parameters(fractions, scales.weights(problem.effort_weight, tie), task.dynamics.last_body)
+    lower, upper = bounds(problem, full, intervals, scales)
+    start = np.clip(to_unknowns(guess, full, fractions, scales), lower, upper)[kept]
+    inner = full.inner_states(intervals)
+    middles = (lower[inner[:, 0]].T, upper[inner[:, 0]].T) if bounded else None
+    program = _Program(start, parameters, (lower[kept], upper[kept]), scales, fractions)
+    attempt, x = _solved(task, solver, program, middles)
+    beyond = np.maximum(lower - x, x - upper)[inner]
+    return attempt, bool(np.max(beyond) <= max(settings.tolerance, _RELAXED))
+
+
+@dataclass(frozen=True, eq=False)
+class _Program:
+    """A condensed program in numbers: initial unknowns, parameters, bounds, scales, interval fractions."""
+
+    x: Array
+    p: Array
+    bounds: tuple[Array, Array]
+    scales: Scales
+    fractions: Array
+
+
+def _solved(
+    task: Task,
+    solver: Stagewise | Ipopt[CondensedNlp],
+    program: _Program,
+    middles: tuple[Array, Array] | None = None,
+) -> tuple[Attempt, Array]:
+    """An attempt, and the unknowns of the full layout.
+
+    Args:
+        task: the problem and its settings.
+        solver: solver set up for the program.
+        program: the program.
+        middles: see `Stagewise.solve`; None: no bounds on the middles.
+    """
+    problem, layout, fractions, scales = task.problem, _layout(solver), program.fractions, program.scales
+    full, intervals = layout.full, fractions.size
+    equal = np.zeros(2 * full.nv * intervals)
+    data = NlpData(program.x, program.p, program.bounds, (equal, equal))
+    if isinstance(solver, Stagewise):
+        result = solver.solve(data, task.stop, middles)
+        x = layout.expanded(result.x, solver.middles(result.x, program.p))
+    else:
+        result = solver.solve(data, task.stop)
+        x = layout.expanded(result.x, np.array(solver.program.middles(result.x, program.p)))
+    violation = None
+    if result.status is not Status.SOLVED:
+        defects = solver.equations(result.x, program.p).reshape(intervals, -1)
+        violation = worst_defect(problem, full, x, defects, fractions, scales)
+    motion = to_trajectory(x, full, fractions, scales, problem.robot.joint_names)
+    return Attempt(result.status, result.message, motion, intervals, result.iterations, violation), x
+
+
+def _layout(solver: Stagewise | Ipopt[CondensedNlp]) -> CondensedLayout:
+    return solver.layout if isinstance(solver, Stagewise) else solver.program.layout
+
+
+def _solver(task: Task, intervals: int, settings: SolverSettings) -> Stagewise | Ipopt[CondensedNlp]:
+    """The stagewise method if available, else IPOPT."""
+
+    def build(scheme: Scheme) -> Stagewise | Ipopt[CondensedNlp]:
+        stagewise = Stagewise.of(task.dynamics, scheme, intervals, settings)
+        return stagewise or ipopt_for(settings, build_condensed, task.dynamics, scheme, intervals)
+
+    return task.in_time(build)

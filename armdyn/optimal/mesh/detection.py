@@ -1,0 +1,238 @@
+"""Arcs from the torques and states of a mesh, and their corrections by the multipliers of a solution."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from armdyn.arrays import Array
+from armdyn.optimal.problem.policy.refinement import ArcsPolicy
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.verify.arc import (
+    BANG,
+    OPPOSITE,
+    POSITION,
+    VELOCITY,
+    Arc,
+    Event,
+    Mode,
+    arcs_between,
+    merged,
+    outward,
+    runs_of,
+    without_short,
+)
+from armdyn.optimal.verify.phases import TABLEAU, Phases
+from armdyn.trajectory import Trajectory
+
+Run = tuple[Mode, int, int]
+"""A mode, the first interval on which a joint is in it, and one past the last."""
+
+_TOWARD = {Mode.VELOCITY_UPPER: Mode.UPPER, Mode.VELOCITY_LOWER: Mode.LOWER}
+"""Torque mode that brings a joint to a velocity limit; the opposite one leaves the limit."""
+
+
+def detect(problem: MinimumTimeProblem, trajectory: Trajectory, mesh: Array, numbers: ArcsPolicy) -> list[Arc]:
+    """The arcs of a collocation solution with constant torques between its knots.
+
+    Args:
+        problem: the problem with its limits.
+        trajectory: the solution.
+        mesh: knots as parts of the duration.
+        numbers: tolerances within which a limit is active, and up to which times off all limits are a switch, not an
+            arc.
+    """
+    duration, limits, intervals = trajectory.duration, problem.limits, mesh.size - 1
+    knots = duration * mesh
+    middle = trajectory((knots[:-1] + knots[1:]) / 2)
+    at_knots = trajectory(knots)
+    centre = limits.actuators.center
+    level = (middle.tau - centre) / limits.actuators.scale
+    first: list[Mode] = []
+    events: list[Event] = []
+    for i in range(problem.robot.nv):
+        # Constant torque cannot hold a limit exactly: an interval is on it if both its ends are near it.
+        slow = np.minimum(np.abs(at_knots.v[:-1, i]), np.abs(at_knots.v[1:, i]))
+        bounds = np.array([limits.position_lower[i], limits.position_upper[i]])
+        margin = np.min(np.abs(at_knots.q[:, i, None] - bounds), axis=1)
+        scale = max(float(np.ptp(at_knots.q[:, i])), 0.1)
+        touching = margin < numbers.touching * scale
+        contact = touching[:-1] | touching[1:]  # one end marks where contact begins or ends
+        above = bounds[1] - middle.q[:, i] < middle.q[:, i] - bounds[0]
+        fast = slow > limits.velocity[i] * (1 - numbers.at_speed)
+        sides = level[:, i] > 1 - numbers.near, level[:, i] < numbers.near - 1
+        active = (*sides, fast & (middle.v[:, i] > 0), fast, contact & above, contact)
+        modes = [Mode(name) for name in np.select(active, (*BANG, *VELOCITY, *POSITION), Mode.FREE)]
+        if limits.passive[i]:
+            modes = [Mode.PASSIVE] * intervals
+        modes = _without_brief(modes, mesh, numbers.brief)
+        runs = _runs(_without_bounces(modes))
+        switching = [
+            mode is Mode.FREE and (b - a <= numbers.switch or mesh[b] - mesh[a] <= numbers.brief) for mode, a, b in runs
+        ]
+        first.append(_first_mode(runs, level[:, i], switching[0]))
+        events += _switches(runs, level[:, i], knots, i, switching)
+        inner = np.flatnonzero(touching[1:-1]) + 1
+        on_limit = [k for k in inner if modes[k] not in POSITION and modes[k - 1] not in POSITION]
+        for run in runs_of(np.array(on_limit, int)):
+            k = int(run[len(run) // 2])
+            side = Mode.POSITION_UPPER if at_knots.q[k, i] > np.mean(bounds) else Mode.POSITION_LOWER
+            events.append(Event(float(knots[k]), i, side, touch=True))
+    return arcs_between(first, events, duration, 0.0)
+
+
+def arcs_of(problem: MinimumTimeProblem, motion: Trajectory, numbers: ArcsPolicy) -> tuple[Arc, ...]:
+    """The arcs of a resolved mesh's motion, to the mesh's resolution.
+
+    Args:
+        problem: the problem with its limits.
+        motion: motion with constant torques between its knots, a sample before and one after each.
+        numbers: tolerances within which a limit is active.
+    """
+    apart = np.diff(motion.t) > 1e-12 * motion.duration
+    knots = np.append(motion.t[:-1][apart], motion.t[-1]) / motion.duration
+    return tuple(detect(problem, motion, knots, numbers))
+
+
+def _without_bounces(modes: Sequence[Mode]) -> list[Mode]:
+    """Merge two contacts with one limit and the free torque between them: a small bounce costs no time."""
+    out, runs = list(modes), _runs(modes)
+    for (before, *_), (mode, start, stop), (after, *_) in zip(runs, runs[1:], runs[2:], strict=False):
+        if mode is Mode.FREE and before is after and before in POSITION:
+            out[start:stop] = [before] * (stop - start)
+    return out
+
+
+def _runs(modes: Sequence[Mode]) -> list[Run]:
+    """Maximal runs of one mode: (mode, first interval, one past the last)."""
+    edges = [0, *(k for k in range(1, len(modes)) if modes[k] is not modes[k - 1]), len(modes)]
+    return [(modes[a], a, b) for a, b in pairwise(edges)]
+
+
+def _without_brief(modes: Sequence[Mode], mesh: Array, brief: float) -> list[Mode]:
+    """Turn brief contacts into touches, with a switching torque."""
+    out = list(modes)
+    for mode, start, stop in _runs(modes):
+        if mode in POSITION or mode in VELOCITY:
+            out[start:stop] = [Mode.FREE if mesh[stop] - mesh[start] <= brief else mode] * (stop - start)
+    return out
+
+
+def _first_mode(runs: Sequence[Run], level: Array, switching: bool) -> Mode:
+    if not switching:
+        return runs[0][0]
+    after = runs[1][0] if len(runs) > 1 else Mode.FREE
+    if after in VELOCITY:
+        return _TOWARD[after]
+    # The switch lies within the first intervals: it must come from the opposite limit.
+    return OPPOSITE.get(after, Mode.UPPER if level[0] > 0 else Mode.LOWER)
+
+
+def _switches(runs: Sequence[Run], level: Array, knots: Array, joint: int, switching: Sequence[bool]) -> list[Event]:
+    """Switching times of one joint, by the mean torque of the intervals around each."""
+    events: list[Event] = []
+    sign = {Mode.UPPER: 1.0, Mode.LOWER: -1.0}
+    mode = _first_mode(runs, level, switching[0])
+    for r, (here, start, stop) in enumerate(runs):
+        t0, t1 = float(knots[start]), float(knots[stop])
+        if not switching[r]:
+            if here is not mode:
+                if not events or events[-1].time < t0 or events[-1].mode is not here:
+                    events.append(Event(t0, joint, here))
+                mode = here
+            continue
+        away = OPPOSITE[_TOWARD[mode]] if mode in VELOCITY else OPPOSITE.get(mode, Mode.FREE)
+        after = runs[r + 1][0] if r + 1 < len(runs) else away
+        part = float(np.mean((level[start:stop] + 1) / 2))  # of the time on the upper limit
+        if after is mode:  # back to the same mode: a short arc on the other limit
+            if mode not in sign:
+                continue
+            there = (1 - part) if mode is Mode.UPPER else part
+            half = there * (t1 - t0) / 2
+            if there > 0.02:
+                centre = (t0 + t1) / 2
+                events += [Event(centre - half, joint, OPPOSITE[mode]), Event(centre + half, joint, mode)]
+            continue
+        if mode in sign and after in sign:
+            share = part if mode is Mode.UPPER else 1 - part
+            events.append(Event(t0 + share * (t1 - t0), joint, after))
+        else:
+            between = _TOWARD.get(after, away)
+            if between in BANG and between is not mode and between is not after:
+                events.append(Event(t0 + 0.25 * (t1 - t0), joint, between))
+            events.append(Event((t0 + t1) / 2, joint, after))
+        mode = after
+    return events
+
+
+def with_overlooked(problem: MinimumTimeProblem, phases: Phases, numbers: ArcsPolicy) -> list[Arc]:
+    """Structure with arcs for missing active limits of velocity and position; empty if none is missing."""
+    limits, K = problem.limits, phases.arc_of.size
+    modes = np.array([phases.arcs[a].modes for a in phases.arc_of], dtype=object)
+    named = np.isin(modes, (*VELOCITY, *POSITION))
+    ends = np.concatenate([phases.knot_multiplier, np.zeros((1, *phases.knot_multiplier.shape[1:]))])
+    ends[:-1] *= ~(named[:-1] | named[1:])[:, None]
+    touches = np.flatnonzero(np.diff(phases.arc_of))  # last intervals of arcs
+    met = np.zeros(named.shape, dtype=bool)
+    for k, arc in zip(touches, phases.arcs, strict=False):
+        for i, _ in arc.touches:
+            ends[k, :, i] = 0.0
+            met[k : k + 2, i] = True
+    multipliers = np.concatenate([phases.state_multiplier, ends[:, None]], axis=1)  # (K, stages, 2, nv)
+    times = phases.t[:-1, None] + np.diff(phases.t)[:, None] * TABLEAU.c
+    touched: list[Event] = []
+    found = False
+    for row, size, upper, lower in (
+        (0, np.ones(modes.shape[1]), Mode.POSITION_UPPER, Mode.POSITION_LOWER),
+        (1, np.where(np.isinf(limits.velocity), 0.0, limits.velocity), Mode.VELOCITY_UPPER, Mode.VELOCITY_LOWER),
+    ):
+        for sign, mode in ((-1, upper), (1, lower)):
+            held = (np.max(sign * multipliers[:, :, row], axis=1) * size > numbers.held * phases.duration) & ~named
+            found = found or bool(np.any(held))
+            for i in range(held.shape[1]):
+                for run in runs_of(np.flatnonzero(held[:, i])):
+                    if row == 0 and run.size <= numbers.touch and not np.any(met[run, i]):
+                        weight = np.maximum(sign * multipliers[run, :, row, i], 0)
+                        touched.append(Event(float(np.average(times[run], weights=weight)), i, mode, touch=True))
+                    else:
+                        modes[run, i] = mode
+    if not found:
+        return []
+    events = [
+        Event(float(phases.t[k]), i, modes[k, i])
+        for i in range(modes.shape[1])
+        for k in range(1, K)
+        if modes[k, i] is not modes[k - 1, i]
+    ]
+    return arcs_between(list(modes[0]), [*events, *touched, *_touches(phases)], phases.duration)
+
+
+def without_vanished(phases: Phases, numbers: ArcsPolicy) -> list[Arc]:
+    """Structure without an arc whose duration has become zero; empty if there is no such arc."""
+    shortest = numbers.shortest * phases.duration
+    if len(phases.arcs) == 1 or min(arc.duration for arc in phases.arcs) >= shortest:
+        return []
+    return without_short(phases.arcs, shortest)
+
+
+def without_idle_touches(phases: Phases) -> list[Arc]:
+    """Structure without touches whose multiplier has the wrong sign; empty if there are no such touches."""
+    arcs, last = list(phases.arcs), np.flatnonzero(np.diff(phases.arc_of))
+    for a, k in enumerate(last):
+        required = tuple(
+            (i, mode)
+            for i, mode in arcs[a].touches
+            if outward(mode) * phases.knot_multiplier[k, int(mode in VELOCITY), i] < 0
+        )
+        arcs[a] = replace(arcs[a], touches=required)
+    return [] if tuple(arcs) == phases.arcs else merged(arcs)
+
+
+def _touches(phases: Phases) -> list[Event]:
+    ends = np.cumsum([arc.duration for arc in phases.arcs])
+    return [
+        Event(float(t), i, mode, touch=True)
+        for t, arc in zip(ends, phases.arcs, strict=True)
+        for i, mode in arc.touches
+    ]

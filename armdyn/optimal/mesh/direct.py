@@ -1,0 +1,277 @@
+"""Solve from one guess on one mesh, by collocation."""
+
+from dataclasses import dataclass, field, replace
+from typing import Self
+
+import numpy as np
+
+from armdyn.arrays import Array, Index
+from armdyn.locks import cached_property
+from armdyn.optimal.constraints.rows import StageRows
+from armdyn.optimal.constraints.tightened import Aim, TightenedConstraints, numbers_of, row_bounds
+from armdyn.optimal.mesh.assembly import Nlp, with_rows
+from armdyn.optimal.mesh.interval import CollocationInterval
+from armdyn.optimal.mesh.ipopt import Ipopt, ipopt_for
+from armdyn.optimal.mesh.layout import Layout
+from armdyn.optimal.mesh.solver import NlpData
+from armdyn.optimal.mesh.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
+from armdyn.optimal.problem.options import Acceptable, SolverSettings
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Status, Stop, Violation
+from armdyn.optimal.problem.task import Task
+from armdyn.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """Result of IPOPT, or of the stagewise method, from one guess on one mesh.
+
+    Attributes:
+        status: status of the solve.
+        message: IPOPT's status in words.
+        trajectory: the motion; the last iterate if it did not converge.
+        intervals: number of intervals of the mesh.
+        iterations: iterations of the solver.
+        worst_violation: worst violation; None if the solve converged, or was not begun.
+        passing: times of the via points [s], shape (vias,).
+        knots: knots of the mesh as parts of the duration, shape (intervals + 1,); None: equal intervals.
+    """
+
+    status: Status
+    message: str
+    trajectory: Trajectory
+    intervals: int
+    iterations: int
+    worst_violation: Violation | None
+    passing: Array = field(default_factory=lambda: np.empty(0))
+    knots: Array | None = None
+
+    @classmethod
+    def unbegun(cls, stop: Stop, guess: Trajectory, intervals: int) -> Self:
+        """Result for a guess that was not solved, because of an earlier stop."""
+        return cls(stop.status, stop.word, guess, intervals, 0, None)
+
+    @property
+    def mesh(self) -> Array:
+        """Knots as parts of the duration, shape (intervals + 1,)."""
+        return mesh(self.intervals) if self.knots is None else self.knots
+
+    @cached_property
+    def quarters(self) -> Array:
+        """Positions at a quarter, a half and three quarters of the duration [rad or m], shape (3, nv)."""
+        t = self.trajectory.t
+        return self.trajectory(t[0] + np.array([0.25, 0.5, 0.75]) * (t[-1] - t[0])).q
+
+    @property
+    def usable(self) -> bool:
+        """Whether the attempt converged, so that it is a motion of the arm."""
+        return self.status is Status.SOLVED
+
+
+@dataclass(frozen=True, eq=False)
+class Legs:
+    """Distribution of a mesh's intervals over the legs between via points.
+
+    Attributes:
+        intervals: number of intervals of every leg.
+        durations: durations of the legs in a guess [s], shape (legs,).
+    """
+
+    intervals: tuple[int, ...]
+    durations: Array
+
+    @property
+    def of_interval(self) -> Index:
+        """Leg of each interval, shape (N,)."""
+        return np.repeat(np.arange(len(self.intervals)), self.intervals)
+
+    @property
+    def knots(self) -> Index:
+        """The last knot of every leg, shape (legs,)."""
+        return np.cumsum(self.intervals)
+
+
+def legs_of(problem: MinimumTimeProblem, guess: Trajectory, intervals: int, knots: Array | None = None) -> Legs:
+    """Distribute intervals over legs by a guess's times at the via points.
+
+    Every leg gets intervals in proportion to its time, and a few at least; of given knots, those between.
+    """
+    marks, first = [float(guess.t[0])], 0
+    inner = problem.poses[1:-1]
+    for i, pose in enumerate(inner):
+        last = guess.t.size - (len(inner) - i)
+        first = min(first + 1, last - 1)
+        away = np.max(np.abs(guess.q[first:last] - pose), axis=1)
+        first += int(np.argmin(away))
+        marks.append(float(guess.t[first]))
+    durations = np.maximum(np.diff([*marks, guess.t[-1]]), 1e-3 * guess.duration)
+    if knots is not None:
+        ends = np.searchsorted((knots[:-1] + knots[1:]) / 2, np.append(0.0, np.cumsum(durations)) / durations.sum())
+        return Legs(tuple(np.diff(ends).tolist()), durations)
+    least = max(min(4, intervals // durations.size), 1)
+    spare = intervals - least * durations.size
+    if spare < 0:
+        raise ValueError(f"{intervals} intervals are too few for {durations.size} legs")
+    edges = np.round(spare * np.append(0.0, np.cumsum(durations)) / durations.sum()).astype(int)
+    return Legs(tuple((np.diff(edges) + least).tolist()), durations)
+
+
+@dataclass(frozen=True, eq=False)
+class MeshNlpData(NlpData):
+    """Initial guess, bounds and parameters of the program of a mesh.
+
+    Attributes:
+        layout: layout of the unknowns.
+        legs: distribution of the intervals over the legs.
+        fractions: interval lengths over the leg's duration, shape (N,).
+        scales: scales of the unknowns.
+    """
+
+    layout: Layout
+    legs: Legs
+    fractions: Array
+    scales: Scales
+
+    def motion(self, x: Array, joint_names: tuple[str, ...]) -> Trajectory:
+        """The motion of unknowns."""
+        return to_trajectory(x, self.layout, self.fractions, self.scales, joint_names, self.legs.intervals)
+
+
+def assemble_mesh(
+    task: Task,
+    guess: Trajectory,
+    intervals: int,
+    constraints: TightenedConstraints | None = None,
+    knots: Array | None = None,
+    tie: float = 0.0,
+) -> MeshNlpData:
+    """Data of the nonlinear program of a mesh, whose equations are those of `with_rows`.
+
+    Args:
+        task: the problem and its settings.
+        guess: initial guess.
+        intervals: number of intervals, distributed over the legs between via points.
+        constraints: tightened path constraints; None: not tightened.
+        knots: knots of the mesh as parts of the duration, shape (intervals + 1,), via points among them; None: equal
+            intervals in every leg.
+        tie: see `Scales.weights`.
+    """
+    problem, scales, layout = task.problem, Scales.of(task.problem, guess), Layout(task.dynamics.nv, task.scheme)
+    constraints = TightenedConstraints.of(task) if constraints is None else constraints
+    legs, rows = legs_of(problem, guess, intervals, knots), constraints.rows(problem)
+    values = constraints.values(problem)
+    fractions = np.concatenate([np.diff(mesh(size)) for size in legs.intervals])
+    if knots is not None:
+        fractions = np.diff(knots) / np.add.reduceat(np.diff(knots), legs.knots - legs.intervals)[legs.of_interval]
+    weights = scales.weights(problem.effort_weight, tie)
+    lower, upper = bounds(problem, layout, intervals, scales)
+    shares = fractions
+    if len(legs.intervals) > 1:
+        shares = fractions * legs.durations[legs.of_interval] / legs.durations.sum()
+    parameters = scales.parameters(fractions, weights, task.dynamics.last_body)
+    x = to_unknowns(guess, layout, shares, scales)
+    _fix_legs(problem, layout, legs, constraints.aim, scales, x, (lower, upper))
+    sides = row_bounds(rows, values, CollocationInterval(task.dynamics, task.scheme), intervals)
+    lbg, ubg = (np.concatenate(both) for both in zip(_equations(layout, legs), sides, strict=True))
+    return MeshNlpData(
+        x=np.clip(x, lower, upper),
+        p=np.concatenate([parameters, numbers_of(values)]),
+        x_bounds=(lower, upper),
+        g_bounds=(lbg, ubg),
+        layout=layout,
+        legs=legs,
+        fractions=fractions,
+        scales=scales,
+    )
+
+
+def solve_on_mesh(
+    task: Task,
+    guess: Trajectory,
+    intervals: int,
+    settings: SolverSettings,
+    constraints: TightenedConstraints | None = None,
+    knots: Array | None = None,
+    tie: float = 0.0,
+) -> Attempt:
+    """Solve one guess on one mesh.
+
+    Args:
+        task: the problem and its settings.
+        guess: initial guess.
+        intervals: number of intervals, distributed over the legs between via points.
+        settings: iteration limit, tolerance, verbosity.
+        constraints: tightened path constraints; None: not tightened.
+        knots: knots of the mesh as parts of the duration, shape (intervals + 1,), via points among them; None: equal
+            intervals in every leg.
+        tie: see `Scales.weights`.
+    """
+    if task.stop:
+        return Attempt.unbegun(task.stop, guess, intervals)
+    problem = task.problem
+    constraints = TightenedConstraints.of(task) if constraints is None else constraints
+    solver = _solver(task, intervals, settings, constraints.rows(problem))
+    data = assemble_mesh(task, guess, intervals, constraints, knots, tie)
+    result = solver.solve(data, task.stop)
+    x, (lbg, ubg), layout, scales = result.x, data.g_bounds, data.layout, data.scales
+    g = solver.equations(x, data.p)
+    landed = result.status is Status.SOLVED
+    # Rows after the equations of motion are not checked.
+    beyond = np.maximum(g - ubg, lbg - g)[: intervals * layout.rows].reshape(intervals, -1)
+    own = np.maximum(x[layout.times(intervals)[np.append(0, data.legs.knots[:-1])]] * scales.time, 0)
+    times = np.append(0.0, np.cumsum(own[data.legs.of_interval] * data.fractions))
+    return Attempt(
+        status=result.status,
+        message=result.message,
+        trajectory=data.motion(x, problem.robot.joint_names),
+        intervals=intervals,
+        iterations=result.iterations,
+        worst_violation=None if landed else worst_defect(problem, layout, x, beyond, data.fractions, scales),
+        passing=np.cumsum(own)[:-1],
+        knots=knots if len(own) == 1 else times / times[-1],
+    )
+
+
+def _equations(layout: Layout, legs: Legs) -> tuple[Array, Array]:
+    """Lower and upper bounds of the equations of motion."""
+    lower = np.zeros((legs.knots[-1], layout.rows))
+    lower[legs.knots[:-1] - 1, -1] = -np.inf  # every leg has a duration of its own
+    return lower.ravel(), -lower.ravel()
+
+
+def _fix_legs(
+    problem: MinimumTimeProblem,
+    layout: Layout,
+    legs: Legs,
+    aim: Aim,
+    scales: Scales,
+    x: Array,
+    sides: tuple[Array, Array],
+) -> None:
+    """Write the legs' durations into a guess, and via points with their corrections into the bounds."""
+    (lower, upper), N, several = sides, int(legs.knots[-1]), len(legs.intervals) > 1
+    knots = layout.knots(N)
+    if several:
+        times = layout.times(N)
+        durations = legs.durations[np.append(legs.of_interval, legs.of_interval[-1])] / scales.time
+        least = np.maximum(problem.leg_bounds() / scales.time, 1e-3)[np.append(legs.of_interval, legs.of_interval[-1])]
+        x[times], lower[times] = durations, least
+    offsets = np.broadcast_to(aim.offsets, (len(legs.intervals), layout.nv))
+    for knot, q, offset in zip(legs.knots, problem.poses[1:], offsets, strict=True):
+        if several or np.any(offset):
+            place = knots[knot, layout.knot.q]
+            lower[place] = upper[place] = (q + offset) / scales.length
+    for bound in sides:
+        bound[knots[N, layout.knot.v]] += np.asarray(aim.end_velocity) / scales.speed
+
+
+def prepare(task: Task, intervals: int, settings: SolverSettings) -> None:
+    """Build the functions that `solve_on_mesh` needs, if there is time."""
+    if not task.stop:
+        _solver(task, intervals, settings, TightenedConstraints.of(task).rows(task.problem))
+
+
+def _solver(task: Task, intervals: int, settings: SolverSettings, rows: tuple[StageRows, ...]) -> Ipopt[Nlp]:
+    if (flat := task.policy.program.flat) is not None:
+        settings = replace(settings, acceptable=Acceptable(flat, settings.tolerance))
+    return task.in_time(lambda scheme: ipopt_for(settings, with_rows, task.dynamics, scheme, intervals, rows))

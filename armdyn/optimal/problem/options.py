@@ -1,0 +1,134 @@
+"""Options of a solve, and settings of one solve of a nonlinear program."""
+
+from dataclasses import dataclass
+
+from armdyn.arguments import Checked, checked, each, expect, flag, number, one_of, whole
+from armdyn.optimal.problem.search_level import SEARCH_LEVELS, SearchLevel
+from armdyn.reprs import brief
+from armdyn.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Acceptable:
+    """Error, above the tolerance, at which a solver may stop without further progress.
+
+    Attributes:
+        tolerance: error of the optimality conditions, on the scaled problem.
+        equations: error of the equations, on the scaled problem.
+        cost: largest relative change of the cost; None: any. The stagewise method requires it of the barrier function
+            over `after` iterations; with None it ends at its tolerance or its iteration limit alone.
+        after: number of consecutive iterations.
+    """
+
+    tolerance: float
+    equations: float
+    cost: float | None = None
+    after: int = 6
+
+
+@dataclass(frozen=True)
+class SolverSettings:
+    """Settings of one solve of a program: tolerance, iterations, initial barrier.
+
+    Attributes:
+        tolerance: error of the optimality conditions and the equations, on the scaled problem.
+        max_iterations: iteration limit.
+        verbose: print the iterations.
+        barrier: first barrier parameter of an interior-point method, by default IPOPT's; others ignore it.
+        acceptable: error at which it may stop early; None: the solver's default.
+        exact: whether bounds are not relaxed and only the tolerance is accepted.
+        push: largest distance by which the start is moved off its bounds, whose multipliers the stagewise method then
+            initialises from the barrier; None: the solver's default.
+        warm: whether to start from the multipliers of a similar program, too.
+        convex: least curvature that the stagewise method gives the torques of an interval in which the cost is not
+            convex; 0: all unknowns are regularised alike, as in IPOPT.
+    """
+
+    tolerance: float
+    max_iterations: int = 500
+    verbose: bool = False
+    barrier: float = 0.1
+    acceptable: Acceptable | None = None
+    exact: bool = False
+    push: float | None = None
+    warm: bool = False
+    convex: float = 0.0
+
+
+MAX_STARTS = 10**5
+"""Largest number of guesses: a hundred times that of `search="thorough"`; all are drawn before the search begins."""
+MAX_CALM = 0.5
+"""Upper bound on `MinimumTimeOptions.calm`: a motion with more is not one of least time."""
+REPLAY_TOLERANCE = 1e-3
+"""Default of `MinimumTimeOptions.replay_tolerance` [rad or m]: about 1 mm at the tip, which a controller corrects."""
+RELATIVE_GOAL_TOLERANCE = 1e-2
+"""Largest goal error from rest to rest, as a part of the way: with 1e-5 rad alone, an arm that does not move might
+land on a near goal."""
+LEAST_TOLERANCE = 1e-10
+"""Smallest goal error that counts as a miss [rad or m]: ten times the error of an integrator of tolerance 1e-10."""
+
+
+@brief
+@dataclass(frozen=True, kw_only=True)
+class MinimumTimeOptions(Checked):
+    """Options of `solve_minimum_time`.
+
+    An attribute that is None is decided by the problem's policy; `armdyn doctor ROBOT --policy` shows it with reasons.
+    Arms of more than three joints move along curves, for which refinements, intervals, max_intervals,
+    arcs and tolerance have no effect.
+
+    Attributes:
+        guesses: motions of the same joints as additional initial guesses, such as optima of similar problems.
+        search: level of the search: "quick" solves a third of the guesses, "thorough" five times as many, without
+            ending early, and refines three times as many optima (docs/search.md); likewise for curves, and where effort
+            has a weight, which have numbers of their own.
+        starts: number of guesses of the global search, whatever the level; at most 100,000.
+        seed: seed of the guesses after the first; the same seed gives the same answer.
+        refinements: number of the optima found that are refined, even if slower than a certified one; None: slower ones
+            are listed with the mesh's duration.
+        intervals: intervals of the mesh from which the arcs are detected.
+        max_intervals: intervals of the finest such mesh, tried if the arcs do not converge or the replay misses the
+            goal.
+        arcs: resolve the arcs to exact switching times; False: the answer is the mesh's.
+        replay_tolerance: largest goal error of the replay [rad or m] that counts as landed; from rest to rest at most
+            a hundredth of the way.
+        compile: the program's derivatives as machine code, ten times as fast, built once by the C compiler and cached
+            for the user: always, never, or (None) if the build takes only seconds or is cached already.
+        max_iterations: of IPOPT, for one guess on one mesh, or one curve; also steps of a curve's convexification. A
+            guess of three joints has 250 at most.
+        tolerance: of IPOPT, on the scaled problem.
+        calm: part of the duration that may be spent on calm joints, where motions are curves: the answer is the motion
+            with the least travel and fewest reversals of the joints among those slower than the fastest by this part. A
+            motion proven within 0.1 % of the least duration stays so. 0: the fastest motion.
+        bound: prove a lower bound on the duration, where velocity limits shape the motion; False: the same motion in
+            less time, without a gap or a certificate by the bound.
+        bound_programs: number of linear programs for the lower bound of a cycle with goal poses as stops, 0.02 to 0.1 s
+            each on one core; more may prove a smaller gap. None: the number in `BoundPolicy`.
+        time_limit: wall time of the whole solve [s]. The search is limited by counts of work, the same on every
+            machine; the clock only ends it, and then `status` is "time_limit" unless the motion is certified. Checking
+            the motion takes up to 1 s and a tenth of the limit more. Of arms of more than twenty joints one step of a
+            solver, which nothing interrupts, may take seconds beyond it; equations whose building would take longer
+            than is left are not begun. Reading the robot is not part of it.
+        workers: processes of search and refinement; None: one per core. The answer does not depend on them. Threads may
+            solve concurrently: IPOPT is locked, and each thread gets the answer that it would get alone.
+        verbose: print the solvers' iterations.
+    """
+
+    guesses: tuple[Trajectory, ...] = checked(each, (), of=expect, kind=Trajectory)
+    search: SearchLevel = checked(one_of, "normal", known=SEARCH_LEVELS)
+    starts: int | None = checked(whole, None, least=1, most=MAX_STARTS)
+    seed: int = checked(whole, 0, least=0)
+    refinements: int | None = checked(whole, None, least=1, most=MAX_STARTS)
+    intervals: int = checked(whole, 40, least=1)
+    max_intervals: int = checked(whole, 160, least=1)
+    arcs: bool = checked(flag, True)
+    replay_tolerance: float = checked(number, REPLAY_TOLERANCE, sign="positive", finite=False)
+    compile: bool | None = checked(flag, None)
+    max_iterations: int = checked(whole, 500, least=1)
+    tolerance: float = checked(number, 1e-8, sign="positive", finite=False)
+    calm: float = checked(number, 1e-3, least=0.0, most=MAX_CALM)
+    bound: bool = checked(flag, True)
+    bound_programs: int | None = checked(whole, None, least=1)
+    time_limit: float = checked(number, 300.0, sign="positive", finite=False)
+    workers: int | None = checked(whole, None, least=1)
+    verbose: bool = checked(flag, False)

@@ -1,0 +1,229 @@
+"""The policy of a problem: strategies and tuned numbers by its class."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, Literal, Self
+
+import numpy as np
+
+from armdyn.dynamics.numeric import joint_inertia
+from armdyn.optimal.problem.options import MinimumTimeOptions
+from armdyn.optimal.problem.policy.bound import BoundPolicy
+from armdyn.optimal.problem.policy.curves import TRAINED, CurvePolicy, SequentialPolicy
+from armdyn.optimal.problem.policy.landing import LandingPolicy, PathConstraintPolicy, ShootingPolicy
+from armdyn.optimal.problem.policy.live import LivePolicy
+from armdyn.optimal.problem.policy.polish import PolishPolicy
+from armdyn.optimal.problem.policy.refinement import (
+    AdjointPolicy,
+    ArcsPolicy,
+    MotionMeshPolicy,
+    RefinementPolicy,
+    SmoothPolicy,
+)
+from armdyn.optimal.problem.policy.search import GoalPolicy, ProgramPolicy, SamePolicy, SearchPolicy
+from armdyn.optimal.problem.policy.tuned import by_kind, rows
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.tableau import Scheme
+
+Method = Literal["profiles", "cruise", "arcs", "time-energy", "mesh", "curves"]
+"""Refinement methods: every joint's own fastest profile; the straight path's curve, for a lower bound to prove;
+switching times of bang-bang torques; smooth torques where effort has a weight; collocation, tightened until the replay
+satisfies the path constraints; B-splines with inverse dynamics."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StrategyPolicy:
+    """Refinement methods, in the order in which they are tried."""
+
+    cases: ClassVar = TRAINED
+
+    methods: tuple[Method, ...] = by_kind(
+        "methods",
+        "tried in turn until an optimum is certified: beyond three joints idle joints leave arcs undetermined, and "
+        "only curves are used; where velocity limits shape the motion a curve is often proven, and comes first; "
+        "profiles are the optimum where rates are limited more than torques, and take a tenth of a second",
+    )
+    fallback: tuple[Method, ...] = by_kind(
+        "methods",
+        "tried from landed motions if no optimum is usable: a curve is a motion even without convergence; it needs "
+        "a motor at every joint, since a torque of zero would be an equation all along it",
+        "by definition",
+    )
+    bounded: bool = by_kind("-", "velocity limits shape the motion: their lower bound is computed concurrently")
+
+    @property
+    def curves_alone(self) -> bool:
+        """Whether no method transcribes the dynamics on a mesh."""
+        return self.methods[-1] == "curves"
+
+
+def is_speed_limited(problem: MinimumTimeProblem) -> bool:
+    """Whether velocity limits shape the fastest motion, by an estimate.
+
+    They do if the joint with the largest lower bound by its velocity limit reaches that limit: moving alone, from and
+    to rest, with the inertia at the start of its leg and half its torque range.
+
+    Args:
+        problem: the problem.
+    """
+    ways, limits = np.abs(np.diff(problem.poses, axis=0)), problem.limits
+    times = ways / limits.velocity
+    leg, j = np.unravel_index(int(np.argmax(times)), times.shape)
+    if times[leg, j] == 0:
+        return False
+    inertia = joint_inertia(problem.robot)(problem.poses[leg])[j, j]
+    return bool(limits.velocity[j] ** 2 * inertia <= ways[leg, j] * limits.actuators.half_range[j])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Policy:
+    """Settings for one class of problems; each number has its unit, its reason and the cases of its tuning.
+
+    Attributes:
+        strategy: refinement methods, in the order in which they are tried.
+        program: nonlinear program and its solver.
+        search: guesses, and the choice of optima to refine.
+        goals: choice among many goals, and the descent of an end along a pose.
+        same: tolerances within which two durations belong to one optimum.
+        refinement: refinement of a mesh's optimum.
+        motion_mesh: mesh refinement until the motion is resolved.
+        arcs: detection, meshes and solution of arcs.
+        polish: exact switching times of a mesh's bang arcs.
+        landing: terminal correction of a mesh's torques.
+        shooting: multiple shooting, and costates along its motion.
+        adjoint: integration of the adjoint equations.
+        smooth: optima of time and energy.
+        path_constraints: tightening of path constraints.
+        curves: motions as curves.
+        sequential: sequential convexification: curves among obstacles.
+        live: replanning while the arm moves.
+        bound: tightness of the lower bound.
+        overrides: groups and numbers set by `changed`, in order.
+    """
+
+    strategy: StrategyPolicy
+    program: ProgramPolicy
+    search: SearchPolicy
+    goals: GoalPolicy = field(default_factory=GoalPolicy)
+    same: SamePolicy = field(default_factory=SamePolicy)
+    refinement: RefinementPolicy
+    motion_mesh: MotionMeshPolicy = field(default_factory=MotionMeshPolicy)
+    arcs: ArcsPolicy = field(default_factory=ArcsPolicy)
+    polish: PolishPolicy = field(default_factory=PolishPolicy)
+    landing: LandingPolicy = field(default_factory=LandingPolicy)
+    shooting: ShootingPolicy = field(default_factory=ShootingPolicy)
+    adjoint: AdjointPolicy = field(default_factory=AdjointPolicy)
+    smooth: SmoothPolicy
+    path_constraints: PathConstraintPolicy = field(default_factory=PathConstraintPolicy)
+    curves: CurvePolicy
+    sequential: SequentialPolicy = field(default_factory=SequentialPolicy)
+    live: LivePolicy = field(default_factory=LivePolicy)
+    bound: BoundPolicy = field(default_factory=BoundPolicy)
+    overrides: tuple[tuple[str, dict[str, object]], ...] = ()
+
+    @classmethod
+    def of(cls, problem: MinimumTimeProblem) -> Self:
+        """The policy for a problem, from its joints, limits and path constraints."""
+        motors = not np.any(problem.limits.passive)
+        speed_limited = is_speed_limited(problem)
+        joints, has_constraints = problem.robot.nv, bool(problem.path_constraint_names)
+        rated = problem.continuous_torque or problem.acceleration_limit is not None
+        plain = motors and not has_constraints and not problem.pays_effort
+        many = plain and joints == 3  # hundreds of optima
+        some = plain and joints == 2
+        starts = _by_joints(joints, 1, 32 if some else 16 if motors else 40, 140 if many else 100)
+        return cls(
+            strategy=_strategy(problem, motors, speed_limited),
+            program=ProgramPolicy(
+                linear=rated or not problem.limits.actuators.constant,
+                condensed=not has_constraints,
+                coarse_barriers=(1e-2, 1e-1) if many else (1e-3, 1e-2),
+                guess_iterations=250 if many else None,
+                flat=1e-4 if _has_rows(problem) else None,
+            ),
+            search=SearchPolicy(
+                starts=starts,
+                ends_early=not (many or some),
+                meshes=(15, 25) if motors else (25, 35),
+                neighbour_starts=_by_joints(joints, *((1, 4, 6, 1) if problem.pays_effort else (1, 8, 12, 1))),
+                spread=0.0 if many else 1.5 if joints == 3 else 1.0,
+                uniform_spread=8.0 if many and not _within_two_turns(problem) else 4.0 if many or some else 0.0,
+                guess_duration=0.4 if many else 0.6 if some else 1.0,
+                mutated=0.4 if many else 0.0,
+                side_by_side=joints > 2 or (joints > 1 and (has_constraints or problem.pays_effort)),
+                repeats=joints > 1,
+            ),
+            refinement=RefinementPolicy(lists_slower=joints > 1),
+            smooth=SmoothPolicy(starts=_by_joints(joints, 2, 16, 24), refined=10 if joints == 2 else 6),
+            curves=CurvePolicy(
+                cruises=speed_limited,
+                patience=300 if has_constraints or np.any(problem.robot.friction.coulomb) else 120,
+                shortest=_shortest(problem, speed_limited),
+                starts=1 if speed_limited else 4,
+                mesh_starts=_by_joints(joints, 1, 4, 12) if rated and motors and not problem.via else 0,
+            ),
+        )
+
+    def scheme(self, options: MinimumTimeOptions) -> Scheme:
+        """Transcription scheme; torques that may not jump are linear."""
+        return Scheme("linear" if self.program.linear else "constant", options.compile)
+
+    def rows(self) -> Iterator[tuple[str, object, str, str, str]]:
+        """Name, value, unit, reason and cases of every number."""
+        return rows(self)
+
+    def changed(self, group: str, **numbers: object) -> Self:
+        """The policy with other numbers in one group, for experiments; `for_problem` applies them to other problems."""
+        own = {group: replace(getattr(self, group), **numbers), "overrides": (*self.overrides, (group, numbers))}
+        return replace(self, **own)
+
+    def for_problem(self, problem: MinimumTimeProblem) -> Self:
+        """The policy for another problem, with the same overrides."""
+        policy = self.of(problem)
+        for group, numbers in self.overrides:
+            policy = policy.changed(group, **numbers)
+        return policy
+
+
+def _strategy(problem: MinimumTimeProblem, motors: bool, speed_limited: bool) -> StrategyPolicy:
+    """Refinement methods for a class of problems."""
+    alone = motors and (problem.robot.nv > 3 or problem.relative_effort_weight > 0 or problem.has_regions)
+    constrained = bool(set(problem.path_constraint_names) - {"obstacles", "self-collision"})
+    own: Method = "mesh" if constrained else "time-energy" if problem.pays_effort else "arcs"
+    free = motors and not (constrained or problem.pays_effort)
+    first: tuple[Method, ...] = ("curves",) if alone else ("cruise",) if speed_limited and free else ()
+    profiled: tuple[Method, ...] = ("profiles",) if motors and _has_profiles(problem) else ()
+    return StrategyPolicy(
+        methods=(*profiled, *(first if alone else (*first, own))),
+        fallback=("curves",) if motors and not alone else (),
+        bounded=bool(speed_limited or profiled) and not problem.pays_effort,
+    )
+
+
+def _has_profiles(problem: MinimumTimeProblem) -> bool:
+    """Whether every joint has a fastest profile of its own: its rates are limited, from rest to rest."""
+    limit = problem.acceleration_limit if problem.jerk_limit is None else problem.jerk_limit
+    limited = limit is not None and bool(np.all(np.isfinite(limit)))
+    return limited and problem.from_rest_to_rest and not (problem.via or problem.has_regions or problem.pays_effort)
+
+
+def _shortest(problem: MinimumTimeProblem, speed_limited: bool) -> float:
+    """First interval of a curve: longer for continuous torques, which ramp more slowly than speeds saturate."""
+    if not speed_limited:
+        return 1.0
+    return 2e-3 if problem.continuous_torque else 3e-4
+
+
+def _has_rows(problem: MinimumTimeProblem) -> bool:
+    """Whether the program has rows besides the equations of motion."""
+    return bool(set(problem.path_constraint_names) - {"via points"})
+
+
+def _within_two_turns(problem: MinimumTimeProblem) -> bool:
+    """Whether no joint can turn more than twice, from limit to limit."""
+    return bool(np.all(problem.limits.position_upper - problem.limits.position_lower <= 4 * np.pi))
+
+
+def _by_joints(joints: int, *numbers: int) -> int:
+    """Number for a count of joints; the last is for all larger counts."""
+    return numbers[min(joints, len(numbers)) - 1]

@@ -1,0 +1,31 @@
+"""Tuned numbers of the polish: exact switching times of a mesh's bang arcs."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from armdyn.optimal.problem.policy.tuned import PLANAR, tuned
+
+
+@dataclass(frozen=True, kw_only=True)
+class PolishPolicy:
+    """Tuned numbers of Newton's method for the switching times."""
+
+    cases: ClassVar = PLANAR
+
+    brief: float = tuned(0.02, "of an interval", "time on the other limit that is a switch there and back, no rounding")
+    segments: int = tuned(16, "segments", "of a motion, at least: unstable arms need some")
+    steps: int = tuned(8, "steps", "of order six in a segment: states are then right to 1e-9")
+    precise: float = tuned(1e-6, "-", "error of a segment's sensitivity: costates to a hundredth of certified")
+    difference: float = tuned(1e-4, "of a joint's way or speed", "step of differences: rounding equals truncation")
+    rounds: int = tuned(25, "steps", "of Newton's method; from a resolved mesh it takes three to six")
+    halves: int = tuned(8, "halvings", "of a step")
+    structures: int = tuned(2, "structures", "of one motion: switches that meet vanish")
+    closed: float = tuned(1e-9, "of a joint's way or speed", "gap that counts as closed where steps no longer halve it")
+    rounding: float = tuned(1e-12, "of a joint's way or speed", "gap that needs no further step")
+    stationary: float = tuned(1e-6, "-", "H, and error of the adjoint equations, that count as zero: certified / 100")
+    flat: float = tuned(1e-9, "-", "least curvature of the duration along the arcs that meet the goal")
+    dependent: float = tuned(1e-12, "-", "diagonal of R in QR at which equations are dependent")
+    near: float = tuned(1e-4, "of a joint's way, or of a velocity limit", "distance from a limit that is a touch")
+    most: int = tuned(40, "switches", "of one motion: more are a torque between its limits, which chatters on a mesh")
+    corrections: int = tuned(4, "rounds", "of the goal, by the replay's miss")
+    landed: float = tuned(1e-8, "rad or m", "goal error at which a replay has landed: the certificate's / 100")

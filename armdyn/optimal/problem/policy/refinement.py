@@ -1,0 +1,280 @@
+"""Tuned numbers of refinement: arcs, their mesh, smooth optima."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from armdyn.optimal.problem.policy.tuned import LARGE, PLANAR, by_kind, tuned
+
+
+@dataclass(frozen=True, kw_only=True)
+class RefinementPolicy:
+    """Tuned numbers of the refinement of a mesh's optimum to arcs."""
+
+    cases: ClassVar = PLANAR
+
+    lists_slower: bool = by_kind(
+        "-", "beyond one joint an optimum slower than a certified one is only listed", "RR, RRR"
+    )
+    error_factor: float = tuned(
+        5.0, "-", "times the error of the certified one's mesh, that an optimum may be slower", "RRR, ten payloads"
+    )
+    slower: float = tuned(1.02, "of a certified duration", "largest such excess", "RRR, ten payloads")
+    most_intervals: int = tuned(100, "intervals", "of the finest mesh of arcs")
+    most_per_arc: int = tuned(12, "intervals", "the same for each arc: 17 arcs need more than 100", "RRR, random pairs")
+    corrections: int = tuned(8, "rounds", "of terminal corrections of arcs")
+    landed: float = tuned(1e-8, "rad or m", "goal error at which a replay has landed: the certificate's / 100")
+    hamiltonian_tolerance: float = tuned(
+        5e-7, "-", "|H| that needs no improvement: a hundredth of the certificate's tolerance"
+    )
+    slowing: int = tuned(6, "rounds", "of slowing a motion down to all limits; most take one or two", LARGE)
+    path_error: float = tuned(1e-7, "rad or m", "distance from the path's end: a tenth of the goal's tolerance", LARGE)
+    slow_samples: int = tuned(1000, "samples", "of a motion that is slowed down or checked", "RR")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionMeshPolicy:
+    """Tuned numbers of mesh refinement until the motion is resolved."""
+
+    cases: ClassVar = "random arms (RR, seed 1)"
+
+    intervals: int = tuned(160, "intervals", "of the first mesh")
+    most: int = tuned(3000, "knots", "more take a second")
+    rounds: int = tuned(7, "meshes", "a switch is then located to 1e-6 of the duration")
+    first_iterations: int = tuned(300, "iterations", "on the first mesh, at most", "random arms (RRR)")
+    iterations: int = tuned(
+        130,
+        "iterations",
+        "on the others, at most: certified motions of 80 problems took 72 at most",
+        "random arms (RRR)",
+    )
+    tied_part: float = tuned(
+        0.5,
+        "of these iterations",
+        "with a larger tie, at most: those that converged took 13 to 46",
+        "random arms (RRR)",
+    )
+    sharp_iterations: int = tuned(
+        120, "iterations", "of the last mesh, at most: certified motions took 80", "random arms (RRR)"
+    )
+    tolerance: float = tuned(
+        1e-7,
+        "scaled",
+        "of all meshes but the last: with idle joints 1e-9 takes 100 iterations, for the same switches",
+        "random arms (RRR)",
+    )
+    barrier: float = tuned(1e-6, "scaled", "first of the interior-point method on the first mesh")
+    near_barrier: float = tuned(
+        1e-8,
+        "scaled",
+        "the same on the others: that of their initial solution; with 1e-6 a motion on 2,000 intervals first "
+        "becomes 1 % slower",
+        "random arms (RRR)",
+    )
+    sharp_tolerance: float = tuned(1e-9, "scaled", "of the last mesh", "RRR, random pairs")
+    sharp_barrier: float = tuned(1e-9, "scaled", "the same on the last", "random arms (RRR)")
+    push: float = tuned(1e-5, "of the range", "least distance of the start from bounds", "random arms (RRR)")
+    convex: float = tuned(
+        1e-5,
+        "of T for half a torque's range",
+        "least curvature of torques where T is not convex, in their interval alone: half the iterations "
+        "of a curvature added to all unknowns",
+        "random arms (RRR)",
+    )
+    close: float = tuned(
+        1e-5,
+        "scaled",
+        "acceptable error of a motion: finer meshes correct it, and on the last one its certificate decides",
+        "random arms (RRR)",
+    )
+    least_decrease: float = tuned(
+        3e-8,
+        "of the duration",
+        "least decrease of the barrier function, or the last mesh counts as solved",
+        "random arms (RRR)",
+    )
+    rough_decrease: float = tuned(
+        1e-6, "of the duration", "the same on the meshes before, except the first", "random arms (RRR)"
+    )
+    patience: int = tuned(12, "iterations", "over which the decrease is measured", "random arms (RRR)")
+    parts: int = tuned(4, "parts", "of a divided interval, at most")
+    jump: float = tuned(0.03, "of half a torque's range", "between intervals that are to be divided")
+    bend: float = tuned(
+        1e-3,
+        "of half a torque's range",
+        "bend of linear torques at a knot that needs no more: a quarter takes 3e-5 of T less, in twice the CPU time",
+        "RR, RRR: limited accelerations",
+    )
+    ramp: float = tuned(3e-4, "of the duration", "a shorter interval of linear torques is not divided")
+    velocity_excess: float = tuned(2e-5, "of a velocity limit", "excess within an interval of constant torque")
+    position_excess: float = tuned(1e-6, "rad or m", "the same of a position limit: the certificate's")
+    gap: float = tuned(1e-9, "of a joint's way or speed", "error of collocation in an interval: its gradient's is 1e-5")
+    coarse_gap: float = tuned(1e-8, "of a joint's way or speed", "the same where there would be too many knots")
+    least: float = tuned(4e-6, "of the duration", "a shorter interval is not divided")
+    inside: float = tuned(5e-7, "of a velocity limit", "reserve: excess between an interval's middle and its ends")
+    kept: tuple[float, ...] = tuned(
+        (3e-5, 3e-4, 3e-3),
+        "of a torque limit",
+        "reserves for feedback, in turn, if no replay reproduces the motion: each costs 0.3 to 1.5 times as much of T",
+        "random arms (RRR)",
+    )
+    slower: float = tuned(
+        1e-2,
+        "of the duration",
+        "a solution slower by more is another optimum; with 4e-3 one of 35 was lost, which finer meshes slow by 0.47 %",
+        "RRR, 500 g; random arms (RRR)",
+    )
+    ties: tuple[float, ...] = tuned(
+        (3e-6, 1e-4, 3e-4),
+        "of 1 for time",
+        "weight of full torques, which determines joints idle in time-optimal motion; the next one where none "
+        "converges. Meshes after the first begin with the second: a quarter of the iterations for 5e-7 of T",
+        "random arms (RR, seed 1; RRR)",
+    )
+    work: int = tuned(
+        700_000,
+        "intervals",
+        "times iterations of all meshes of a problem: 5 CPU s with three joints",
+        "random arms (RRR)",
+    )
+    unsettled: float = tuned(
+        2e-5,
+        "of the duration",
+        "saving from which a certified motion is solved again on its mesh: of three above it became faster by 2e-6 to "
+        "7e-6, of six below none did",
+        "random arms (RRR, seeds 379, 431, 439)",
+    )
+    abandoned: float = tuned(
+        5e-4,
+        "of the best duration",
+        "excess at which a mesh is abandoned: the second is accurate to 2e-4",
+        "random arms (RRR)",
+    )
+    reserve: int = tuned(200_000, "intervals", "times iterations in reserve for divided meshes", "random arms (RRR)")
+    last_solve: int = tuned(
+        80_000, "intervals", "times iterations of one more solve when the budget is spent", "random arms (RRR)"
+    )
+    fewest: int = tuned(60, "iterations", "that must be left, or a mesh is not begun", "random arms (RRR)")
+    further_meshes: int = tuned(
+        4, "meshes", "divided where the motion is not yet certified, at most", "random arms (RRR)"
+    )
+    saving_ratio: float = tuned(
+        0.9,
+        "of the saving before",
+        "largest saving after such a mesh, or no further mesh is divided",
+        "random arms (RRR)",
+    )
+    most_further_knots: int = tuned(
+        5000, "knots", "of such a mesh: those that were certified took 4,200", "random arms (RRR)"
+    )
+    nearly_certified: float = tuned(
+        4e-4, "-", "saving, or excess over a limit, beyond which no mesh is divided", "random arms (RRR)"
+    )
+    shrink: float = tuned(0.1, "of an interval", "distance of the knots around a switch", "RRR, random pairs")
+    margin: float = tuned(0.07, "of an interval", "a switch nearer to its end is moved away")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArcsPolicy:
+    """Tuned numbers of arcs: their detection on a mesh, their intervals and their solver."""
+
+    cases: ClassVar = PLANAR
+
+    near: float = tuned(2e-3, "of a limit", "a torque within this is on its limit: IPOPT's barrier leaves 1e-4")
+    near_speed: float = tuned(
+        2e-2, "of a limit", "the same for speeds: a constant torque keeps the limit in the mean", "Panda, UR5"
+    )
+    in_contact: float = tuned(
+        5e-3, "rad or m, or of a velocity limit", "a mesh is divided so near a limit", "RRR, ten payloads"
+    )
+    switch: int = tuned(2, "intervals", "in a row off all limits are a switch; more are an arc")
+    brief: float = tuned(
+        5e-3,
+        "of the duration",
+        "likewise, however many intervals of a resolved mesh, which is divided around a switch",
+        "RRR, ten payloads",
+    )
+    touching: float = tuned(2e-5, "of a joint's way", "a position so near its limit is on it", "RRR, random pairs")
+    at_speed: float = tuned(2e-3, "of a limit", "a speed so near its limit is on it", "random arms (RR, seeds 1 and 9)")
+    held: float = tuned(
+        1e-7, "of the duration", "sensitivity to a limit, over its whole size, above which the limit is active", "RRR"
+    )
+    shortest: float = tuned(1e-6, "of the duration", "arcs shorter than that are removed")
+    touch: int = tuned(2, "intervals", "a position limit that is active for no more is touched", "RRR")
+    least_density: float = tuned(0.15, "of the mean", "least density of a mesh: the error estimate may miss some")
+    per_arc: int = tuned(2, "intervals", "of the shortest arc")
+    layer_samples: int = tuned(
+        4000, "samples", "in which reversals through dry friction are searched", "RR with friction"
+    )
+    layer_reach: float = tuned(
+        3.0, "widths", "of the jump at which a mesh becomes coarser: friction is 0.5 % too small", "RR with friction"
+    )
+    in_layers: float = tuned(0.5, "-", "part of the intervals in such reversals", "RR with friction")
+    tolerance: float = tuned(1e-10, "scaled", "of IPOPT: durations are then accurate to about as much")
+    iterations: int = tuned(150, "iterations", "of IPOPT")
+    on_interval: int = tuned(
+        8, "samples", "of constant torques: with 1 cubics erred by 0.27 rad/s of 62, with 8 by 0.0012", "RRR"
+    )
+    barrier: float = tuned(1e-3, "scaled", "IPOPT's mu_init of arcs")
+    near_barrier: float = tuned(1e-9, "scaled", "the same, and its push, where the guess is near")
+    least_share: float = tuned(1e-6, "of the time", "a smaller share is zero up to the multipliers' errors")
+    samples: int = tuned(480, "samples", "of torques that are not constant, 4 to 16 on an interval", "RRR time-energy")
+
+
+@dataclass(frozen=True, kw_only=True)
+class AdjointPolicy:
+    """Tuned numbers of the integration of the adjoint equations along a replay."""
+
+    cases: ClassVar = PLANAR
+
+    precise: float = tuned(
+        1e-5,
+        "-",
+        "difference of the last two extrapolations of a segment's propagator, in its effect on H: the rest "
+        "changes the costates' error by 4e-7 at most, less than a hundredth of its tolerance",
+        "R, RR, RRR, three random RRR",
+    )
+    levels: int = tuned(5, "extrapolations", "of a segment's derivative, at most: smooth motions take three or four")
+    most_rough: int = tuned(2000, "segments", "that may need more: five times the usual number of segments")
+    least_speed: float = tuned(1e-9, "of the fastest joint", "least speed of a joint in scales")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SmoothPolicy:
+    """Tuned numbers of the search and refinement of time-energy optima."""
+
+    cases: ClassVar = PLANAR
+
+    starts: int = by_kind("guesses", "16 for two joints, 24 for three", "planar arms, w = 1, unbounded")
+    refined: int = by_kind("optima", "that are refined", "planar arms, w = 1, unbounded")
+    coarse: int = tuned(25, "intervals", "of the search")
+    iterations: int = tuned(200, "iterations", "of a guess of the search")
+    fine: int = tuned(30, "intervals", "of the first solution by a high order")
+    most_rough: int = tuned(120, "intervals", "of the last mesh that is rough", "RRR, 500 g and 1 kg")
+    most: int = tuned(240, "intervals", "of the finest mesh", "RRR, 500 g and 1 kg")
+    optimism: float = tuned(
+        0.98, "of a coarse J", "least refined J: less is another optimum's", "RR, RRR, ten payloads"
+    )
+    steps: int = tuned(12, "solves", "for all optima together: one takes 0.1 to 6 s", "RRR, ten payloads")
+    settled: float = tuned(1e-5, "-", "|H| at which a mesh is replayed: a tenth of the certificate's tolerance")
+    warm: float = tuned(0.02, "-", "|H| below which the next solve starts warm: 4 to 10 iterations, not 50")
+    rough: float = tuned(0.05, "-", "|H| beyond which a mesh is too coarse to show active limits")
+    artefact: float = tuned(1.0, "-", "|H| beyond which a mesh does not show where to refine, either")
+    unlikely: float = tuned(
+        2.0,
+        "-",
+        "|H| beyond which a first solution is most likely an artefact, and is refined last",
+        "RR, RRR, 500 g and 1 kg: good ones began with 1.1 at the most, artefacts with 1 to 60",
+    )
+    dropped: float = tuned(1.5, "of the least J", "larger coarse optima are dropped; some of the best are artefacts")
+    likely_artefact: float = tuned(
+        1.5,
+        "of a coarse J",
+        "refined J beyond which the coarse optimum is most likely an artefact, and is refined last",
+        "RR, RRR, 500 g and 1 kg: good ones came to 1.34 at the most, artefacts to 1.6 to 4",
+    )
+    samples: int = tuned(
+        1920,
+        "samples",
+        "of the torques where linear interpolation between fewer falsifies the costates; on twice the intervals",
+        "RRR, 500 g and 1 kg",
+    )

@@ -1,0 +1,265 @@
+"""Tuned numbers of the nonlinear program, of the search, and of the search of a cycle's branches."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+from armdyn.optimal.problem.options import MinimumTimeOptions
+from armdyn.optimal.problem.policy.tuned import PLANAR, UNRECORDED, by_kind, tuned
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProgramPolicy:
+    """Tuned numbers of the nonlinear program and of IPOPT."""
+
+    cases: ClassVar = "by definition"
+
+    linear: bool = by_kind(
+        "-", "torque linear between knots: a path constraint forbids jumps, or the limits fall with speed"
+    )
+    condensed: bool = by_kind(
+        "-",
+        "the interval's middle is eliminated: half the unknowns; it needs no path constraints",
+        "RR, RRR with 100.6 g: 48 guesses each",
+    )
+    flat: float | None = by_kind(
+        "scaled",
+        "IPOPT's error at which it may stop once the equations hold: path constraints make the minimum flat",
+        "sphere and post before RR and Panda",
+    )
+    near_limit: float = tuned(
+        1e-3, "of travel or limit", "least distance of guesses from limits exceeded between knots", UNRECORDED
+    )
+    coarse_tolerance: float = tuned(1e-5, "scaled", "of IPOPT in the search: 1e-4 is too inaccurate", PLANAR)
+    coarse_barriers: tuple[float, ...] = by_kind(
+        "scaled",
+        "IPOPT's mu_init in turn: small ones keep more of the guess; with three joints ten times as large ones miss "
+        "fewer best optima",
+        "planar arms; RRR, random",
+    )
+    guess_iterations: int | None = by_kind(
+        "iterations",
+        "of a guess of three joints, and on the finer mesh, at most: of 70 problems no best optimum took more than 150",
+        "random arms (RRR)",
+    )
+    fine_tolerance: float = tuned(1e-6, "scaled", "of IPOPT from a solution on another mesh", PLANAR)
+    fine_barrier: float = tuned(
+        1e-4,
+        "scaled",
+        "its mu_init there, small to stay near the guess: with 1e-3 one in forty is lost that 1e-4 keeps",
+        "RRR, random",
+    )
+    tightened_barrier: float = tuned(
+        1e-5, "scaled", "the same on the same mesh with slightly tighter limits", UNRECORDED
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchPolicy:
+    """Tuned numbers of the search: its guesses, and the choice of optima to refine."""
+
+    cases: ClassVar = PLANAR
+
+    starts: int = by_kind(
+        "guesses",
+        "32 for two joints, with path constraints 16; 140 for three, changes of optima among them; 40 where one of two "
+        "has no motor; around obstacles paths are chosen among many",
+        "planar arms; RRR, random pairs (seed 1); RR, random arms (seeds 337, 347, 401, 409)",
+    )
+    meshes: tuple[int, ...] = by_kind(
+        "intervals",
+        "used by the guesses in turn; joints without a motor swing, and coarse meshes admit spurious optima that are "
+        "faster than any motion",
+    )
+    ends_early: bool = by_kind(
+        "-",
+        "end once few optima recur, with path constraints or effort in the cost; else, of 34 "
+        "searches with three joints, this would save an eighth of the guesses, and lost 5.9 % of the duration where "
+        "60 guesses had led to one optimum; with two joints 4.3 %",
+        "RRR, random (seeds 8, 33, 123, poses within ±π); RR, random arms (seed 337)",
+    )
+    quick: float = tuned(1 / 3, "of the guesses", 'search="quick"', "RRR, random")
+    thorough: float = tuned(5.0, "of the guesses", 'search="thorough"; without an early end', "RRR, random")
+    more_refined: int = tuned(3, "times the optima", 'search="thorough" refines', "RRR, random")
+    neighbour_starts: int = by_kind(
+        "guesses",
+        "of a search from a neighbour's optimum; half with effort in the cost; beyond three joints the straight",
+    )
+    side_by_side: bool = by_kind("-", "in processes: up to two joints a fork takes as long as the solve")
+    repeats: bool = by_kind("-", "the search is repeated on a finer mesh that contradicts it")
+    refined: int = tuned(4, "optima", "that are solved on a finer mesh")
+    fine_solves: int = tuned(
+        6, "times as many", "coarse optima are solved on the finer mesh: many are spurious", "RRR, random"
+    )
+    least_repeated: int = tuned(
+        120,
+        "guesses",
+        "of a repeated search on finer meshes, at least: 50 met the best optimum in three of eight searches, 80 in "
+        "four, 120 in all",
+        "RRR, 1 kg",
+    )
+    least_repeated_at_speed: int = tuned(
+        35,
+        "guesses",
+        "the same at velocity limits: 35 led to no slower motion of 26 than 50, 120 to no faster one of 109",
+        "random RRR arms (seeds 397, 431, 433, 443)",
+    )
+    only_listed: float = tuned(1.2, "of the best duration", "coarse solutions slower than that are only listed")
+    too_coarse: float = tuned(
+        1.05, "of the coarse duration", "duration of the best on the finer mesh from which the search is repeated"
+    )
+    too_coarse_confirmed: float = tuned(1.01, "of the coarse duration", "the same, if replays confirm it")
+    replay_miss: float = tuned(
+        0.2, "of a joint's way", "they confirm it if those of all its optima miss the goal by this", "RRR 500 g, 1 kg"
+    )
+    rough_replay: float = tuned(
+        1e-6, "-", "relative tolerance of these replays: they miss by a fifth of a joint's way or do not", UNRECORDED
+    )
+    least_spread: float = tuned(
+        2.0, "rad", "least spread of random poses: fast motions fold far off the straight path", "RR, RRR, Luus"
+    )
+    swing_ups: tuple[int, ...] = tuned(
+        (1, 2, 3, 4, 6, 8),
+        "swings",
+        "durations, in turn, of guesses in which joints without a motor swing up",
+        "cart-pole, acrobot, pendubot, Furuta pendulum, their own and weaker motors",
+    )
+    swing_up_distance: float = tuned(0.3, "of the way, rad or m", "least difference of such guesses", "the same")
+    spread: float = by_kind("times the way", "standard deviation of random poses")
+    uniform_spread: float = by_kind(
+        "rad",
+        "uniform spread of random poses instead; 0: none. Of 160 random RR arms 32 guesses "
+        "within 4 rad, hasty, miss 1 %, near ones 2 %, 16 near ones that end early 3 %. With three joints, within a "
+        "turn and a quarter, a hundred guesses miss one best optimum in three where within 1.5 times the way it is one "
+        "in two; within 4 rad where no joint can turn more than twice, as further poses are at its limits; heavy arms, "
+        "whose search is repeated, move less",
+        "RRR, random: the twelve hardest of a hundred pairs; random arms (seeds 341, 383), pairs of seeds 1 and 33",
+    )
+    guess_duration: float = by_kind(
+        "-",
+        "of the duration at which a guess's torques fit: from 0.4 three joints take a tenth fewer iterations, to more "
+        "optima",
+        "RRR, random",
+    )
+    mutated: float = by_kind(
+        "of the guesses",
+        "are mutations of optima of the others; where hundreds of random guesses find an optimum once, one "
+        "mutation in ten does",
+        "RRR, random: the twelve hardest of a hundred pairs",
+    )
+    round: int = tuned(32, "guesses", "mutated at once: each round forks anew", "RRR, random")
+    parents: int = tuned(6, "optima", "that are mutated", "RRR, random")
+    selection_scale: float = tuned(3.0, "optima", "of the best, about, that are chosen most often", "RRR, random")
+    midpoint_spread: float = tuned(
+        0.3, "times the way", "standard deviation of the offset of all joints at half time", "RRR, random"
+    )
+    joint_offset: float = tuned(6.0, "rad or m", "largest offset of a mutation of one joint", "RRR, random")
+    mutation_duration: float = tuned(
+        1.2, "of an optimum's duration", "initial duration of its mutations", "RRR, random"
+    )
+    batch: int = tuned(
+        4,
+        "guesses",
+        "that a worker receives at once: one costs hardly more than its transfer; with more some workers are idle",
+        "RRR, random: iterations of eight pairs dealt to 2, 4, 8 and 16 workers",
+    )
+    end_tests: int = tuned(24, "times", "that a search tests its early end, which takes time, too")
+    assumed_speed: float = tuned(
+        10.0, "rad/s", "replaces a missing velocity limit where paths are compared", UNRECORDED
+    )
+
+    def guesses(self, options: MinimumTimeOptions, normal: int | None = None) -> int:
+        """Number of guesses that the options request.
+
+        Args:
+            options: options with starts or the level of search.
+            normal: number at the normal level; None: that of this search.
+        """
+        factor = {"quick": self.quick, "normal": 1.0, "thorough": self.thorough}[options.search]
+        return options.starts or max(1, math.ceil(factor * (self.starts if normal is None else normal)))
+
+    def refinements(self, options: MinimumTimeOptions, normal: int | None = None) -> int:
+        """Number of optima to refine that the options request; arguments as for `guesses`."""
+        own = self.refined if normal is None else normal
+        return options.refinements or own * (self.more_refined if options.search == "thorough" else 1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GoalPolicy:
+    """Tuned numbers of the choice among many goals, and of the descent along the joint positions that reach a pose."""
+
+    cases: ClassVar = "RRR"
+
+    solved: int = tuned(2, "goals", "solved in full, the best by one coarse solve each", "UR5: eight branches")
+    too_slow: float = tuned(
+        1.05, "of the best coarse duration", "goals with larger bounds by velocity limits are not tried", "UR5"
+    )
+    tried: float = tuned(1 / 3, "of the time limit", "for coarse solves of all goals, at most", UNRECORDED)
+    slid: int = tuned(4, "goals", "kept of those optimised by velocity limits", "UR5, Panda: positions")
+    slides: int = tuned(25, "linear programs", "for each goal, at most", "UR5, Panda: positions")
+    largest_step: float = tuned(0.5, "rad or m", "step of any joint, at first and at most", "UR5, Panda: positions")
+    least_step: float = tuned(1e-3, "rad or m", "last step: far below the resolution of coarse solves", "UR5, Panda")
+    others: float = tuned(
+        1e-3, "-", "weight of all joints' times against the slowest's: the other joints stay near", "UR5, Panda"
+    )
+    distinct: float = tuned(0.05, "rad or m", "goals of which no joint differs by more are one", "UR5, Panda")
+    end_solves: int = tuned(8, "solves", "of an end that descends along its pose: RRR needs two to six")
+    end_first: float = tuned(0.02, "rad or m", "first step of such an end")
+    end_largest: float = tuned(0.3, "rad or m", "largest step: the switching structure must stay the same")
+    end_least: float = tuned(1e-5, "rad or m", "step below which no solve is worth it: it saves about its square")
+    bound: float = tuned(0.1, "of the time limit", "for the bound of all goals, at least", UNRECORDED)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SamePolicy:
+    """Relative tolerances within which two durations are the same optimum's, by the accuracy of each kind of answer."""
+
+    cases: ClassVar = PLANAR
+
+    coarse: float = tuned(2e-3, "-", "on coarse meshes")
+    distance: float = tuned(
+        0.3,
+        "rad or m",
+        "distance of two optima of the same duration, on the same mesh or different ones",
+        "RRR, random",
+    )
+    near_known: float = tuned(8e-3, "-", "a coarse one against an accurate one: its error may be a few tolerances")
+    mesh: float = tuned(5e-4, "-", "from different guesses on one mesh")
+    coarse_cost: float = tuned(1e-4, "-", "J on coarse meshes")
+    coarse_duration: float = tuned(1e-3, "-", "durations at the same J on coarse meshes")
+    resolved: float = tuned(1e-6, "-", "resolved to arcs")
+    resolved_cost: float = tuned(1e-7, "-", "J by the ninth order")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CyclePolicy:
+    """Tuned numbers of the choice among branches of a cycle's stops, and of the end of their search."""
+
+    cases: ClassVar = "25/300/25 mm: UR5, Panda, Kinova; Panda, bins and wall"
+
+    turned: int = tuned(
+        100,
+        "joint positions",
+        "of a branch with whole turns of its joints, at most: three ways for each of four joints",
+    )
+    alike: int = tuned(
+        8,
+        "pairs of branches",
+        "refused for one reason before all of a move are: a six-axis arm has eight branches, with turns thousands of "
+        "pairs",
+    )
+    quick: float = tuned(
+        0.5,
+        "of the duration",
+        "by which other tours may still be shorter when a quick search ends: bounds ignore straight segments and "
+        "obstacles, so that most tours would have to be solved",
+    )
+    bound_part: float = tuned(
+        0.1, "of the time limit", "for the bound of the whole cycle, where the search has used it up"
+    )
+    bound_programs: int = tuned(
+        600,
+        "linear programs",
+        "of that bound: 10 s of a Panda's on two cores, whose bound still rises then; a UR5's takes 450 at most",
+        "25/300/25 mm: UR5, Panda",
+    )

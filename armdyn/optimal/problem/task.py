@@ -1,0 +1,173 @@
+"""Task of a solve: problem, dynamics, scheme, options, policy."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import Any, Self, TypeVar
+
+import numpy as np
+
+from armdyn.codegen.deadline import NoTimeError, until
+from armdyn.dynamics.symbolic import Dynamics
+from armdyn.errors import ProblemError
+from armdyn.optimal.problem.options import LEAST_TOLERANCE, RELATIVE_GOAL_TOLERANCE, MinimumTimeOptions, SolverSettings
+from armdyn.optimal.problem.policy import Policy
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Stop
+from armdyn.optimal.problem.tableau import Scheme
+from armdyn.parallel import shared_pool
+from armdyn.reprs import joints_of
+
+Result = TypeVar("Result")
+
+
+def _ignore(text: str) -> None:
+    """Ignore a progress message."""
+
+
+def _landing(problem: MinimumTimeProblem, options: MinimumTimeOptions) -> float:
+    """Largest goal error that counts as landed [rad or m]."""
+    if not problem.from_rest_to_rest:
+        return options.replay_tolerance
+    travel = float(np.max(np.abs(np.diff(problem.poses, axis=0))))
+    return min(options.replay_tolerance, max(RELATIVE_GOAL_TOLERANCE * travel, LEAST_TOLERANCE))
+
+
+def _no_bound() -> None:
+    """Lower bound of a task without one: None."""
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A problem with all settings of its solve.
+
+    Attributes:
+        problem: the minimum-time problem.
+        dynamics: dynamics of the problem's robot, with a symbolic last body.
+        scheme: transcription scheme.
+        options: options of the user.
+        policy: choices by the class of the problem, and tuned numbers.
+        stop: stopping condition, polled every few iterations.
+        progress: called with a line of text on the current step.
+        lower_bound: returns the proven lower bound on the duration [s], perhaps after a wait; None: no bound is known.
+        pool: function of a worker pool that `results` calls, see `shared_pool`; None: each series starts its own pool.
+    """
+
+    problem: MinimumTimeProblem
+    dynamics: Dynamics
+    scheme: Scheme
+    options: MinimumTimeOptions
+    policy: Policy
+    stop: Stop = field(default_factory=Stop)
+    progress: Callable[[str], None] = _ignore
+    lower_bound: Callable[[], float | None] = _no_bound
+    pool: Callable[[Sequence[Callable[[Any], Any]]], Iterator[Any]] | None = None
+
+    @classmethod
+    def of(
+        cls,
+        problem: MinimumTimeProblem,
+        options: MinimumTimeOptions | None = None,
+        stop: Stop | None = None,
+        progress: Callable[[str], None] | None = None,
+    ) -> Self:
+        """Make a task from a problem and a user's options.
+
+        Args:
+            problem: the minimum-time problem.
+            options: by default `MinimumTimeOptions()`.
+            stop: stopping condition; by default none.
+            progress: called with progress messages; by default they are ignored.
+
+        Raises:
+            ProblemError: a guess in the options has a different number of joints.
+        """
+        options, policy = options or MinimumTimeOptions(), Policy.of(problem)
+        for k, guess in enumerate(options.guesses):
+            if guess.q.shape[1] != problem.robot.nv:
+                name, joints = problem.robot.name, problem.robot.nv
+                raise ProblemError(f"options.guesses[{k}] moves {joints_of(guess.q.shape[1])}, {name} has {joints}")
+        dynamics = Dynamics(problem.robot, free_last_body=True)
+        return cls(
+            problem,
+            dynamics,
+            policy.scheme(options),
+            replace(options, replay_tolerance=_landing(problem, options)),
+            policy,
+            Stop() if stop is None else stop,
+            progress or _ignore,
+        )
+
+    def for_problem(self, problem: MinimumTimeProblem) -> Self:
+        """The task for another problem, with the same overrides of the policy."""
+        policy = self.policy.for_problem(problem)
+        dynamics = Dynamics(problem.robot, free_last_body=True)
+        options = replace(self.options, replay_tolerance=_landing(problem, self.options))
+        return replace(
+            self, problem=problem, dynamics=dynamics, scheme=policy.scheme(options), options=options, policy=policy
+        )
+
+    def with_options(self, **changes: Any) -> Self:
+        """The task with some options changed."""
+        return replace(self, options=replace(self.options, **changes))
+
+    @property
+    def workers(self) -> int | None:
+        """Processes of search and refinement; None: one per core."""
+        return self.options.workers if self.policy.search.side_by_side else 1
+
+    @contextmanager
+    def pooled(self, threads: bool = False) -> Iterator[Self]:
+        """The task with a worker pool for several series of jobs; compiled programs are built before the first.
+
+        Args:
+            threads: see `shared_pool`.
+        """
+        with shared_pool(self, self.options.workers if threads else self.workers, threads) as pool:
+            yield replace(self, pool=pool)
+
+    def results(self, jobs: Sequence[Callable[[Self], Result]]) -> Iterator[Result]:
+        """Yield the results of jobs in their order, on the task's workers.
+
+        Args:
+            jobs: functions of the task, in its state when the pool was made; they are pickled.
+        """
+        if self.pool is not None:
+            yield from self.pool(jobs)
+            return
+        with self.pooled() as task:
+            yield from task.results(jobs)
+
+    def in_time(self, build: Callable[[Scheme], Result]) -> Result:
+        """Build with the scheme before the deadline; without compilation if the time is too short.
+
+        Args:
+            build: function of a scheme, such as a call of `ipopt_for`.
+        """
+        stop = self.stop
+        with until(stop.deadline, lambda: stop.interrupted):
+            if not stop.out_of_time:
+                try:
+                    return build(self.scheme)
+                except NoTimeError:
+                    stop.out_of_time = True
+            return build(replace(self.scheme, compile=False))
+
+    def coarse(self) -> list[SolverSettings]:
+        """Settings of IPOPT for the search, used by the guesses in turn."""
+        numbers = self.policy.program
+        most = numbers.guess_iterations
+        return [self._settings(numbers.coarse_tolerance, barrier, most) for barrier in numbers.coarse_barriers]
+
+    def fine(self) -> SolverSettings:
+        """Settings for a guess that is a solution on another mesh, to stay near it."""
+        numbers = self.policy.program
+        return self._settings(numbers.fine_tolerance, numbers.fine_barrier, numbers.guess_iterations)
+
+    def alone(self) -> SolverSettings:
+        """Settings for a single guess without a search."""
+        return self._settings(self.options.tolerance, SolverSettings.barrier)
+
+    def _settings(self, tolerance: float, barrier: float, most: int | None = None) -> SolverSettings:
+        given = self.options.max_iterations
+        return SolverSettings(tolerance, min(given, most or given), self.options.verbose, barrier)

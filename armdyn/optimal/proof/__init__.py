@@ -1,1 +1,0 @@
-"""Verification of a solution: Pontryagin's conditions, adjoint equations, certificate, sensitivities."""

@@ -1,1 +1,0 @@
-"""Refinement of a mesh's optima: arcs, smooth optima, path constraints, curves."""

@@ -1,1 +1,0 @@
-"""Global search: initial guesses, multistart, distinct local optima."""

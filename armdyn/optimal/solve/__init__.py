@@ -1,1 +1,0 @@
-"""Solve one guess on one mesh, by IPOPT or the stagewise method."""

@@ -1,0 +1,177 @@
+"""Refined and replayed optimum, and margins within the limits for a motion that exceeds them between mesh points."""
+
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armdyn.optimal.constraints.tightened import ConstraintReports
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Violation
+from armdyn.optimal.problem.task import Task
+from armdyn.optimal.verify.arc import Arc
+from armdyn.optimal.verify.certificate import LIMIT_TOLERANCE, Certificate, certify
+from armdyn.optimal.verify.costates import Costates
+from armdyn.optimal.verify.limit_violations import excesses
+from armdyn.optimal.verify.phases import Phases
+from armdyn.optimal.verify.sensitivity import Share
+from armdyn.trajectory import Trajectory
+
+_ROUNDING = 1e-12
+"""Part of a velocity limit by which the reserve at an end's velocity may be rounded."""
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """A motion with its replay, certificate and cost.
+
+    Attributes:
+        trajectory: replay: states and torques are consistent to the integrator's tolerance.
+        certificate: certificate of the motion.
+        cost: objective J [s].
+        intervals: number of intervals of its mesh.
+        phases: solved arcs; None: not resolved, with the reason in the certificate.
+        costates: costates of an extremal; None: unknown.
+        arcs: arcs, solved or read from a resolved mesh; empty: neither.
+        iterations: iterations of IPOPT.
+        worst_violation: worst violation of the mesh's solution, if it did not converge.
+        reports: reports on the path constraints.
+        via_times: times of the via points [s].
+        decides: share of the time that each limit decides, largest first; for motions without arcs.
+        calm: time spent on calm joints [s].
+    """
+
+    trajectory: Trajectory
+    certificate: Certificate
+    cost: float
+    intervals: int
+    phases: Phases | None = None
+    costates: Costates | None = None
+    arcs: tuple[Arc, ...] = ()
+    iterations: int = 0
+    worst_violation: Violation | None = None
+    reports: ConstraintReports = field(default_factory=ConstraintReports)
+    via_times: tuple[float, ...] = ()
+    decides: tuple[Share, ...] = ()
+    calm: float = 0.0
+
+    @classmethod
+    def of(
+        cls,
+        problem: MinimumTimeProblem,
+        replay: Trajectory,
+        intervals: int,
+        phases: Phases | None = None,
+        remark: str = "",
+        idle: tuple[str, ...] | None = None,
+        **more: Any,
+    ) -> Self:
+        """Make an optimum from a replay, with its certificate and its cost J.
+
+        Args:
+            problem: the minimum-time problem.
+            replay: replay: its states follow from its torques.
+            intervals: number of intervals of its mesh.
+            phases: solved arcs; None: not resolved.
+            remark: reason for missing arcs.
+            idle: idle joints; None: those that the costates show.
+            more: other attributes.
+        """
+        motion = replace(replay, name="minimum time")
+        certificate = certify(problem, motion, phases, remark)
+        certificate = certificate if idle is None else replace(certificate, idle=idle)
+        found: dict[str, Any] = {"costates": phases, "arcs": phases.arcs} if phases else {}
+        cost = trajectory_cost(motion, problem.effort_weights())
+        return cls(motion, certificate, cost, intervals, phases, **(found | more))
+
+    @property
+    def error(self) -> float:
+        """Largest error: goal error [rad or m], or excess over a limit as a part of it."""
+        return max(self.certificate.goal_error, self.certificate.limit_violation)
+
+    @property
+    def within_limits(self) -> bool:
+        """Whether the replay satisfies all limits of torque, velocity and position."""
+        return self.certificate.keeps_limits
+
+    @property
+    def missed(self) -> tuple[str, ...]:
+        """Violated path constraints, in words."""
+        return self.reports.reasons
+
+    def landed(self, tolerance: float) -> bool:
+        """Whether the replay ends within a tolerance of the goal [rad or m], see `Certificate.ends_within`."""
+        return self.certificate.ends_within(tolerance)
+
+    def usable(self, tolerance: float) -> bool:
+        """Whether the replay ends within a tolerance of the goal [rad or m], within all limits and path constraints."""
+        return self.landed(tolerance) and self.within_limits and not self.missed
+
+
+def trajectory_cost(motion: Trajectory, weight: ArrayLike) -> float:
+    """J = ∫ (1 + ½ Σ wᵢ τᵢ²) dt [s], see `torque_squared`; w in 1/(N m)²."""
+    return motion.duration + torque_squared(motion, weight) / 2
+
+
+def torque_squared(motion: Trajectory, weight: ArrayLike = 1.0) -> float:
+    """∫ Σ wᵢ τᵢ² dt [(N m)² s times w's unit], exact for linear and held torques.
+
+    Args:
+        motion: motion with times and torques.
+        weight: w, one number or one per joint.
+    """
+    a, b = motion.tau[:-1], motion.tau_end
+    squares = np.sum(np.asarray(weight) * (a * a + a * b + b * b), axis=1) / 3
+    return float(np.diff(motion.t) @ squares)
+
+
+@dataclass(frozen=True)
+class MeshMargins:
+    """Margins by which a mesh's motion stays within its limits, for excesses between knots and for feedback.
+
+    Attributes:
+        velocity: margin of velocities, as a part of the limits.
+        position: margin of positions, as a part of the joints' ranges.
+        torque: margin of torques, as a part of the limits.
+    """
+
+    velocity: float = 0.0
+    position: float = 0.0
+    torque: float = 0.0
+
+    def task_within(self, task: Task) -> Task:
+        """The task with limits reduced by the margins, as far as both ends allow."""
+        problem, limits, reserves = task.problem, task.problem.limits, task.problem.reserves
+        weak = np.where(limits.actuators.lower * limits.actuators.upper < 0, self.torque, 0.0)
+        fastest = np.max(np.abs([problem.x_start, problem.x_goal]), axis=0)[problem.robot.nv :]
+        spare = np.clip(1 - (1 + _ROUNDING) * fastest / limits.velocity, 0.0, 1.0)
+        whole = limits.position_upper - limits.position_lower
+        room = self.position * np.where(np.isfinite(whole), whole, 1.0)  # 1 rad, as in `excesses`
+        lower, upper = limits.position_lower + room, limits.position_upper - room
+        within = problem.variant(
+            velocity_reserve=reserves.velocity + (1 - reserves.velocity) * np.minimum(self.velocity, spare),
+            reserve=reserves.effort + (1 - reserves.effort) * weak,
+            position_limit=(
+                np.where(np.all(problem.poses > lower, axis=0), lower, limits.position_lower),
+                np.where(np.all(problem.poses < upper, axis=0), upper, limits.position_upper),
+            ),
+        )
+        return replace(task, problem=within)
+
+    def wider(self, task: Task, optimum: Optimum, torque: float = 0.0) -> Self:
+        """Margins wider by an optimum's excesses.
+
+        Args:
+            task: the problem and its settings.
+            optimum: motion of a mesh with these margins.
+            torque: the new margin of torques, as a part of the limits.
+        """
+        velocity, position = excess(task, optimum)
+        return type(self)(self.velocity + velocity, self.position + position, torque)
+
+
+def excess(task: Task, optimum: Optimum) -> tuple[float, float]:
+    """Excess over limits of velocity and of position, as parts of these; 0 for positions within tolerance."""
+    _, velocity, position = (one.share for one in excesses(task.problem.limits, optimum.trajectory))
+    return velocity, position if position > LIMIT_TOLERANCE else 0.0

@@ -1,0 +1,116 @@
+"""Every number has one name, and every name its place."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from armdyn.dynamics import Dynamics
+from armdyn.optimal.mesh.assembly import build_condensed
+from armdyn.optimal.mesh.interval import interval_functions
+from armdyn.optimal.mesh.layout import CondensedLayout, Layout, Parameters
+from armdyn.optimal.problem.tableau import Scheme
+from problems import paper_arm
+
+CONTROLS = ["linear", "constant", "stage"]
+SCHEMES = st.builds(Scheme, st.sampled_from(CONTROLS))
+LAYOUTS = st.builds(Layout, st.integers(1, 7), SCHEMES)
+CONDENSED = [Scheme(control=control, compile=False) for control in ("linear", "constant")]
+
+
+def places(fields, *names):
+    """Where fields are in a block, one after the other."""
+    slots = [getattr(fields, name) for name in names]
+    return np.concatenate([np.arange(fields.size)[slot].ravel() for slot in slots])
+
+
+@given(LAYOUTS)
+def test_fields_fill_their_blocks_without_gap_or_overlap(layout):
+    blocks = (
+        (layout.knot, ("q", "v", "time", "torque")),
+        (layout.inner, ("states", "torques")),
+    )
+    for fields, names in blocks:
+        np.testing.assert_array_equal(places(fields, *names), np.arange(fields.size))
+    np.testing.assert_array_equal(places(layout.knot, "state"), places(layout.knot, "q", "v"))
+
+
+@given(LAYOUTS, st.integers(1, 5))
+def test_blocks_fill_the_unknowns_and_intervals_share_their_knots(layout, N):
+    knots, inners, intervals = layout.knots(N), layout.inners(N), layout.intervals(N)
+    every = np.sort(np.concatenate([knots.ravel(), inners.ravel()]))
+    np.testing.assert_array_equal(every, np.arange(layout.size(N)))
+    for k in range(N):
+        parts = knots[k], inners[k], knots[k + 1]
+        np.testing.assert_array_equal(intervals[:, k], np.concatenate(parts))
+        for mine, part in zip(layout.parts(intervals[:, k]), parts, strict=True):
+            np.testing.assert_array_equal(mine, part)
+    kinds = layout.states(N), layout.times(N), layout.inner_states(N), layout.torques(N)
+    named = np.concatenate([kind.ravel() for kind in kinds])
+    assert np.unique(named).size == named.size
+
+
+@given(LAYOUTS, st.integers(1, 5))
+def test_every_unknown_is_in_one_block(layout, N):
+    knots, inners = layout.knots(N), layout.inners(N)
+    assert knots.shape == (N + 1, layout.knot.size) and inners.shape == (N, layout.inner.size)
+    every = np.sort(np.concatenate([knots.ravel(), inners.ravel()]))
+    np.testing.assert_array_equal(every, np.arange(layout.size(N)))
+
+
+@pytest.mark.parametrize("control", CONTROLS)
+def test_there_are_as_many_equations_as_an_interval_has(control):
+    scheme = Scheme(control, compile=False)
+    layout = Layout(2, scheme)
+    one = interval_functions(Dynamics(paper_arm("rr"), free_last_body=True), scheme)
+    assert one.defects.numel_out(0) == layout.rows
+    assert layout.defects.shape == (len(scheme.tableau.inner) + 1, 4)
+
+
+def test_equations_by_their_names():
+    layout = Layout(2, Scheme("constant"))
+    assert layout.equation(1) == ("position defect", 1)
+    assert layout.equation(layout.rows - 2) == ("velocity defect", 1)
+
+
+@pytest.mark.parametrize("scheme", CONDENSED, ids=str)
+def test_condensed_unknowns_are_the_others_without_middles_and_repeated_times(scheme):
+    full, N = Layout(3, scheme), 4
+    layout, x = CondensedLayout(full), np.arange(full.size(N), dtype=float)
+    x[full.times(N)] = -1.0
+    w, middles = x[layout.kept(N)], x[full.inner_states(N)][:, 0].T
+    np.testing.assert_array_equal(layout.expanded(w, middles), x)
+    # An interval's are those of its knots, its torque, and the time.
+    for own, whole in zip(layout.intervals(N).T, full.intervals(N).T, strict=True):
+        left, first, right, last, time = layout.parts(w[own])
+        begin, _, end = full.parts(x[whole])
+        np.testing.assert_array_equal(left, begin[full.knot.state])
+        np.testing.assert_array_equal(right, end[full.knot.state])
+        torques = (begin, end) if full.linear else (x[whole][full.knot.size :][full.inner.torques],) * 2
+        for torque, block in zip((first, last), torques, strict=True):
+            np.testing.assert_array_equal(torque, block[full.knot.torque] if full.linear else block)
+        assert time == -1.0
+
+
+@pytest.mark.parametrize("scheme", CONDENSED, ids=str)
+def test_the_condensed_program_has_its_layouts_size(scheme):
+    nlp = build_condensed(Dynamics(paper_arm("rr"), free_last_body=True), scheme, 5)
+    assert nlp.functions["x"].numel() == nlp.layout.kept(5).size
+    assert nlp.functions["p"].numel() == Parameters.size(2, 5)
+
+
+@given(st.integers(1, 7), st.integers(1, 5))
+def test_parameters_by_name_are_the_same_for_numbers_and_symbols(joints, N):
+    fractions, rest = np.arange(1.0, N + 1), np.arange(100.0, 100.0 + Parameters.size(joints) - 1)
+    given_ = Parameters.of(np.append(0.0, rest), joints)
+    p = Parameters(fractions, *(getattr(given_, name) for name in list(Parameters.__annotations__)[1:])).packed()
+    assert p.size == Parameters.size(joints, N)
+    columns = p[Parameters.by_interval(joints, N)]
+    one = ca.SX.sym("p", Parameters.size(joints))
+    for k in range(N):
+        for name in Parameters.__annotations__:
+            number = getattr(Parameters.of(columns[:, k], joints), name)
+            value = ca.Function("one", [one], [getattr(Parameters.of(one, joints), name)])(columns[:, k])
+            np.testing.assert_array_equal(value.full().ravel(), np.ravel(number))
+            np.testing.assert_array_equal(number, fractions[k] if name == "fraction" else getattr(given_, name))

@@ -1,0 +1,130 @@
+"""The policy as a table: numbers that depend on the kind of problem, and a reason for every number."""
+
+import math
+
+import numpy as np
+import pytest
+
+import armdyn as ad
+from armdyn.optimal.problem.policy import Policy
+from armdyn.optimal.problem.policy.tuned import rows
+from armdyn.optimal.problem.tableau import Scheme
+from problems import paper_problem
+
+UR5 = {"q_start": [0, -1, 1, -1, -1.5, 0], "q_goal": [-1.5, -1.8, 1.6, -0.4, 0.3, 1.0]}
+BALL = ad.Sphere((0.3, 0.0, -0.1), 0.05)
+
+
+def problem(kind):
+    if kind == "ur5":
+        return ad.MinimumTimeProblem(ad.Robot.from_library("ur5"), **UR5)
+    arm, _, more = kind.partition(" ")
+    extra = {
+        "": {},
+        "ball": {"obstacles": [BALL]},
+        "jerk": {"jerk_limit": 1e5},
+        "effort": {"effort_weight": 1.0},
+        "free": {"position_limit": (-np.inf, np.inf)},
+        "via": {"via": [np.zeros(len(arm))]},
+    }
+    return paper_problem(arm, **extra[more])
+
+
+TABLE = {
+    # kind: starts, condensed, flat, linear, again, curves alone, their starts, neighbour_starts
+    "r": (1, True, None, False, False, False, 4, 1),
+    "rr": (32, True, None, False, True, False, 4, 8),
+    "rrr": (140, True, None, False, True, False, 4, 12),
+    "rr ball": (16, False, 1e-4, False, True, False, 4, 8),
+    "rr jerk": (16, False, 1e-4, True, True, False, 4, 8),
+    "rr via": (16, False, None, False, True, False, 4, 8),
+    "rr effort": (16, True, None, False, True, False, 4, 4),
+    "ur5": (100, True, None, False, True, True, 1, 1),
+}
+
+
+@pytest.mark.parametrize("kind", TABLE)
+def test_numbers_that_depend_on_the_kind_of_problem(kind):
+    policy = Policy.of(problem(kind))
+    program, search, curves = policy.program, policy.search, policy.curves
+    found = (
+        search.starts, program.condensed, program.flat, program.linear, search.repeats,
+        policy.strategy.curves_alone, curves.starts, search.neighbour_starts,
+    )  # fmt: skip
+    assert found == TABLE[kind]
+
+
+STRATEGIES = {
+    # kind: methods, fallback, whether a lower bound is computed
+    "rr": (("arcs",), ("curves",), False),
+    "rr ball": (("arcs",), ("curves",), False),
+    "rr effort": (("time-energy",), ("curves",), False),
+    "ur5": (("curves",), (), True),
+}
+
+
+@pytest.mark.parametrize("kind", STRATEGIES)
+def test_the_strategy_of_a_kind_of_problem(kind):
+    strategy = Policy.of(problem(kind)).strategy
+    assert (strategy.methods, strategy.fallback, strategy.bounded) == STRATEGIES[kind]
+
+
+def test_where_velocity_limits_shape_the_motion_curves_come_first():
+    for more, methods in (({}, ("cruise", "arcs")), ({"effort_weight": 0.1}, ("time-energy",))):
+        strategy = Policy.of(paper_problem("rr", velocity_limit=3.0, **more)).strategy
+        assert strategy.methods == methods and strategy.bounded == (not more)
+
+
+@pytest.mark.parametrize(
+    ("kind", "changed"), [("rr", 0.0), ("rrr", 0.4), ("rrr ball", 0.0), ("rrr effort", 0.0), ("ur5", 0.0)]
+)
+def test_optima_are_changed_where_there_are_hundreds(kind, changed):
+    numbers = Policy.of(problem(kind)).search
+    assert numbers.mutated == changed
+
+
+@pytest.mark.parametrize(
+    ("kind", "far"),
+    [("r", 0), ("rr", 4), ("rrr", 4), ("rrr free", 8), ("rr ball", 0), ("rr effort", 0), ("ur5", 0)],
+)
+def test_where_there_are_many_optima_guesses_are_far_and_hasty_and_all_are_solved(kind, far):
+    numbers = Policy.of(problem(kind)).search
+    assert numbers.uniform_spread == far
+    assert (numbers.uniform_spread > 0) == (numbers.guess_duration < 1) == (not numbers.ends_early)
+
+
+def test_every_number_says_its_unit_its_reason_and_its_cases():
+    table = list(Policy.of(problem("rr")).rows())
+    names = [name for name, *_ in table]
+    assert len(names) == len(set(names)) > 100
+    for name, value, unit, why, cases in table:
+        assert unit and why and cases, name
+        assert value is None or isinstance(value, (bool, int, float, str, tuple)), name
+        assert not isinstance(value, float) or math.isfinite(value), name
+
+
+def test_a_number_is_changed_in_a_copy():
+    policy = Policy.of(problem("rr"))
+    other = policy.changed("search", starts=3)
+    assert (other.search.starts, policy.search.starts) == (3, 32)
+    assert other.program == policy.program
+
+
+def test_torques_are_constant_unless_a_condition_forbids_jumps():
+    options = ad.MinimumTimeOptions(compile=False)
+    assert Policy.of(problem("rr jerk")).scheme(options) == Scheme("linear", False)
+    assert Policy.of(problem("rr")).scheme(options) == Scheme("constant", False)
+
+
+def test_a_number_is_no_group():
+    with pytest.raises(TypeError, match="no group"):
+        list(rows(1.0))
+
+
+@pytest.mark.parametrize(("effort", "guesses", "optima"), [("quick", 8, 6), ("normal", 24, 6), ("thorough", 120, 18)])
+def test_effort_scales_all_guesses(effort, guesses, optima):
+    search = Policy.of(paper_problem("rrr", effort_weight=1.0)).search
+    options = ad.MinimumTimeOptions(search=effort)
+    assert (search.guesses(options, 24), search.refinements(options, 6)) == (guesses, optima)
+    settings = ad.MinimumTimeOptions(search=effort, starts=3, refinements=2)
+    assert (search.guesses(settings, 24), search.refinements(settings, 6)) == (3, 2)

@@ -1,0 +1,134 @@
+"""Torques that follow a curve: they fit their states, keep their limits and land."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import armdyn as ad
+from armdyn.optimal.curves.basis import Basis, graded
+from armdyn.optimal.curves.curve import Curve
+from armdyn.optimal.curves.refinement import sampled
+from armdyn.optimal.problem.task import Task
+from armdyn.optimal.verify.follow import follow
+from armdyn.optimal.verify.rollout import replay_torques, ticked
+from optimal.curves.bends import problem
+from problems import cart, paper_arm
+
+
+def gentle(nlp_data, duration, intervals=12):
+    """A curve that takes its time: about a minimum-jerk profile from pose to pose, with no acceleration at its ends."""
+    straight = Curve.straight(nlp_data, Basis(graded(intervals, 1.0)), duration)
+    s = straight.legs[0].basis.places[:, None]
+    part = s**3 * (10 - 15 * s + 6 * s**2)
+    part[:3], part[-3:] = 0, 1
+    ends = zip(straight.legs, nlp_data.poses[:-1], nlp_data.poses[1:], strict=True)
+    legs = tuple(replace(leg, points=(1 - part) * a + part * b, duration=duration) for leg, a, b in ends)
+    return Curve(legs)
+
+
+@pytest.mark.parametrize(("kind", "jumps"), [("plain", 0), ("friction", 0), ("via", 1), ("torque rate", 0)])
+def test_states_and_torques_fit_and_land(kind, jumps):
+    nlp_data = problem(kind)
+    job, curve = Task.of(nlp_data), gentle(nlp_data, 0.9)
+    motion = follow(job, sampled(job, curve))
+    assert motion.duration == pytest.approx(curve.duration, rel=1e-15)
+    assert np.count_nonzero(motion.jumps) == jumps
+    limits = nlp_data.limits
+    assert np.all(motion.tau <= limits.effort_upper) and np.all(motion.tau >= limits.effort_lower)
+    replay = replay_torques(nlp_data.robot, motion)
+    # The very same integration, sample by sample: bit for bit.
+    np.testing.assert_array_equal(replay.q, motion.q)
+    np.testing.assert_array_equal(replay.v, motion.v)
+    # Feedback is a sample late, and fades in the last interval where torques may not jump. That interval is 1/12 of the
+    # motion here, 3e-4 where velocities are limited: there they, too, are within 1e-6.
+    assert (
+        np.max(np.abs(nlp_data.goal_error_of(motion)[:2])) < 1e-6
+        and np.max(np.abs(nlp_data.goal_error_of(motion))) < 2e-5
+    )
+    for k, leg in enumerate(curve.legs):  # and it is near the curve all the way
+        start = 0.9 * k
+        s = np.linspace(0.01, 0.99, 50)
+        np.testing.assert_allclose(motion(start + 0.9 * s).q, leg.at(s)[0], atol=1e-6)
+
+
+@pytest.mark.parametrize("goal", [(1.0, 0.5), (-1.5, 1.0)], ids=["falls", "swings"])
+def test_minutes_of_an_arm_that_falls_or_swings_are_followed(goal):
+    """Feedback by the motion's duration alone is slower than the arm falls, or later than half a swing."""
+    nlp_data = ad.MinimumTimeProblem(paper_arm("rr"), q_start=[0.0, 0.0], q_goal=goal)
+    job = Task.of(nlp_data)
+    motion = follow(job, sampled(job, gentle(nlp_data, 150.0)))
+    assert motion.t.size < 15_000 and np.max(np.abs(nlp_data.goal_error_of(motion))) < 1e-6
+
+
+def test_torque_limits_that_saturate_are_not_exceeded():
+    nlp_data = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0])
+    curve = gentle(nlp_data, 3.0)  # 1.28 N where 1 N is the limit: 10 / √3 d/T² at most
+    spec = curve.legs[0].torques(nlp_data.robot, np.linspace(0, 1, 200))
+    assert np.max(np.abs(spec)) > 1.2
+    motion = follow(Task.of(nlp_data), sampled(Task.of(nlp_data), curve))
+    assert np.max(motion.tau) == 1.0 and np.min(motion.tau) == -1.0
+    replay = replay_torques(nlp_data.robot, motion)
+    # The same steps, but for the order of their sums.
+    np.testing.assert_allclose(replay.q, motion.q, atol=1e-10)
+
+
+def test_a_motion_in_flight_begins_in_flight():
+    nlp_data = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0], v_start=[0.3])
+    motion = follow(Task.of(nlp_data), sampled(Task.of(nlp_data), gentle(nlp_data, 6.0)))
+    np.testing.assert_array_equal(motion.v[0], [0.3])
+    # The curve begins at rest: feedback, 160 times as fast as the motion, brings the cart onto it.
+    assert np.max(np.abs(nlp_data.goal_error_of(motion))) < 1e-6
+
+
+def test_torques_that_may_not_jump_end_with_the_holding_torque():
+    nlp_data = problem("torque rate")
+    motion = follow(Task.of(nlp_data), sampled(Task.of(nlp_data), gentle(nlp_data, 0.9)))
+    np.testing.assert_allclose(motion.tau[-1], nlp_data.holding_torque(), atol=1e-9)  # the curve's end, to rounding
+
+
+def test_lines_have_the_impulses_of_the_torque():
+    """Open loop, without feedback: lines through the torque miss by h², those that are laid by h⁴."""
+    nlp_data = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0])
+    curve = gentle(nlp_data, 4.0)
+    job = Task.of(nlp_data)
+    misses = []
+    for samples in (4, 8):
+        few = replace(
+            job, policy=job.policy.changed("curves", samples=samples, most_samples=samples, steps=1, bandwidth=0.0)
+        )
+        misses.append(np.max(np.abs(nlp_data.goal_error_of(follow(few, sampled(few, curve))))))
+        plain = curve.trajectory(nlp_data.robot, [samples])
+        naive = np.max(np.abs(nlp_data.goal_error_of(replay_torques(nlp_data.robot, plain))))
+        assert misses[-1] < naive / 5 or naive < 1e-9
+    assert misses[1] < misses[0] / 6 or misses[0] < 1e-9  # the ends' lines are of the third order
+
+
+def test_a_motion_that_is_lost_ends_early(monkeypatch):
+    nlp_data = problem("plain")
+    wanted = sampled(Task.of(nlp_data), gentle(nlp_data, 0.9))
+
+    def lost(motion):
+        tau = motion.tau.copy()
+        tau[6] = np.nan
+        return tau
+
+    monkeypatch.setattr("armdyn.optimal.verify.follow._lines", lost)
+    assert follow(Task.of(nlp_data), wanted).t.size == 6
+    monkeypatch.setattr("armdyn.optimal.verify.follow.RTOL", 1e-300)  # no step is that good
+    motion = follow(Task.of(nlp_data), wanted)
+    assert motion.t.size == 2
+    np.testing.assert_array_equal(motion.q[1], motion.q[0])
+
+
+def test_samples_are_as_dense_as_gravity_requires():
+    """At constant velocities heavy links let the torques of light wrists bend: lines between samples miss those."""
+    robot = ad.Robot.from_library("kinova")
+    q_start, q_goal = [-2.1, 2.9, 3.4, -1.9, 1.1, 0.5], [0.3, 4.1, 1.9, 2.4, 3.3, -1.7]
+    nlp_data = ad.MinimumTimeProblem(robot, q_start=q_start, q_goal=q_goal)
+    job = Task.of(nlp_data)
+    curve = gentle(nlp_data, 4.0, intervals=56)
+    motion = follow(job, sampled(job, curve))
+    between = ticked(robot, motion, np.min(np.diff(motion.t)) / 4)
+    missed = between.v - curve.legs[0].at(between.t / curve.duration)[1]
+    assert np.max(np.abs(missed) / nlp_data.limits.velocity) < job.policy.curves.velocity_error
