@@ -105,7 +105,7 @@ WRONG = [
     (lambda: ad.MinimumTimeOptions(starts=True), "starts is True; it must be a whole number"),
     (lambda: ad.MinimumTimeOptions(starts=2.5), "starts is 2.5; it must be a whole number"),
     (lambda: ad.MinimumTimeOptions(time_limit="300"), "time_limit is '300'; it must be a number"),
-    (lambda: ad.MinimumTimeOptions(arcs=1), "arcs is 1; it must be True or False"),
+    (lambda: ad.MinimumTimeOptions(bound=1), "bound is 1; it must be True or False"),
     (lambda: IndirectOptions(method="euler"), "method is 'euler'; it is one of 'lobatto', 'trapezoidal'"),
     (lambda: IndirectOptions(seed=-1), "seed is -1"),
     (lambda: ad.PidGains("30", 50, 10), "kp is '30'; expected one number, or one per joint"),

@@ -128,13 +128,13 @@ def refined(task: Task) -> tuple[list[Optimum], SearchResult]:
         optima += [slowed(task, one) for one in more]
         listed, iterations = (*found.listed, *searched.listed), found.iterations + searched.iterations
         found = replace(searched, listed=listed, iterations=iterations)
-        if method == "profiles" and any(one.usable(task.options.replay_tolerance) for one in more):
+        if method == "profiles" and any(one.usable for one in more):
             break  # but for its replay's errors no motion is faster
     for method in strategy.fallback:
         if task.stop or _is_enough(task, optima):
             break
         task.progress(f"no usable motion so far, or a faster one collides: {method}")
-        near = tuple(one.trajectory for one in optima if one.landed(task.policy.landing.far))
+        near = tuple(one.trajectory for one in optima if one.certificate.ends_within(task.policy.landing.far))
         more, searched = _by(method, task.with_options(guesses=near))
         optima += [slowed(task, one) for one in more]
         failed, iterations = (*found.failed, *searched.failed), found.iterations + searched.iterations
@@ -159,8 +159,7 @@ def _certified(task: Task, optimum: Optimum) -> bool:
 
 def _is_enough(task: Task, optima: list[Optimum]) -> bool:
     """Whether an optimum is usable, and among obstacles no faster one collides: a path between may be faster."""
-    near = task.options.replay_tolerance
-    fastest = min((one.trajectory.duration for one in optima if one.usable(near)), default=np.inf)
+    fastest = min((one.trajectory.duration for one in optima if one.usable), default=np.inf)
     touching = [one for one in optima if task.problem.has_clearance and one.missed]
     return fastest < np.inf and all(one.trajectory.duration >= fastest for one in touching)
 

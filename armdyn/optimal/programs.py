@@ -95,19 +95,19 @@ class MotionProgram:
 
 
 def build_mesh(
-    problem: MinimumTimeProblem, intervals: int = MinimumTimeOptions.intervals, guess: Trajectory | None = None
+    problem: MinimumTimeProblem, intervals: int | None = None, guess: Trajectory | None = None
 ) -> MotionProgram:
     """Build the program of a collocation mesh, as `solve_minimum_time` does for up to three joints.
 
     Args:
         problem: the minimum-time problem.
-        intervals: number of equal intervals, distributed over the legs between via points.
+        intervals: number of equal intervals, distributed over the legs between via points; None: those of the solve.
         guess: initial guess; None: the straight path.
 
     Raises:
         ProblemError: an argument is none, or the guess has another number of joints.
     """
-    task, guess = _task(problem, intervals, guess)
+    task, intervals = _task(problem, intervals, guess)
     constraints = TightenedConstraints.of(task)
     data = assemble_mesh(task, guess or spline(task.problem, []), intervals, constraints)
     nlp = with_rows(task.dynamics, task.scheme, intervals, constraints.rows(task.problem))
@@ -135,8 +135,7 @@ def build_curve(
     Raises:
         ProblemError: an argument is none, a joint is passive, or the guess has another number of joints.
     """
-    intervals = Task.of(problem).policy.curves.intervals if intervals is None else intervals
-    task, guess = _task(problem, intervals, guess)
+    task, intervals = _task(problem, intervals, guess, on_curves=True)
     if np.any(task.problem.limits.passive):
         raise ProblemError("a curve's torques are those of inverse dynamics, and a passive joint has none; build_mesh")
     curve, spec = straight_curve(task, intervals), CurveSpec.of(task)
@@ -155,13 +154,17 @@ def build_curve(
     return _built(task, program, data, names, lambda x: sampled(task, shape.curve(curve, x * units)))
 
 
-def _task(problem: MinimumTimeProblem, intervals: int, guess: Trajectory | None) -> tuple[Task, Trajectory | None]:
-    """The task, without machine code, which others' solvers do not call, and the checked guess."""
+def _task(
+    problem: MinimumTimeProblem, intervals: int | None, guess: Trajectory | None, on_curves: bool = False
+) -> tuple[Task, int]:
+    """The task with the guess, without machine code, which others' solvers do not call, and the checked intervals."""
     expect(problem, MinimumTimeProblem, "problem")
-    whole(intervals, "intervals", least=len(problem.poses) - 1, most=MOST_INTERVALS)
     guesses = () if guess is None else (expect(guess, Trajectory, "guess"),)
     posed = problem.without_torques() if problem.kinematic else problem
-    return Task.of(posed, MinimumTimeOptions(guesses=guesses, compile=False)), guess
+    task = Task.of(posed, MinimumTimeOptions(guesses=guesses, compile=False))
+    own = task.policy.curves.intervals if on_curves else task.intervals
+    least = len(problem.poses) - 1
+    return task, whole(own if intervals is None else intervals, "intervals", least=least, most=MOST_INTERVALS)
 
 
 def _along(problem: MinimumTimeProblem, guess: Trajectory, basis: Basis) -> Curve:

@@ -66,7 +66,7 @@ def test_a_bound_that_is_stopped_or_enough_is_lower(holes, least):
 
 @pytest.mark.slow
 def test_a_free_order_of_goal_poses_has_a_gap(holes, least):
-    solved = ad.solve_cycle(holes[0], ad.MinimumTimeOptions(search="quick", workers=1, arcs=False))
+    solved = ad.solve_cycle(holes[0], ad.MinimumTimeOptions(search="quick", workers=1))
     assert solved.usable
     assert 0.85 * least < solved.lower_bound - holes[0].dwell <= least * (1 + 1e-9)
     assert 0 < solved.gap < 0.2

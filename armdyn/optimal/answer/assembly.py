@@ -48,7 +48,7 @@ def assembled(
     remark = "" if certificate.ok else found.remark
     known = [duration, *(optimum.trajectory.duration for optimum in others), *found.slower]
     return Solution(
-        success=not (any(_rank(task, best)) or task.stop.interrupted),
+        success=not (any(_rank(best)) or task.stop.interrupted),
         status=status,
         message="; ".join((_message(task, status, best, found), *best.missed, *([remark] if remark else []))),
         problem=task.problem,
@@ -68,7 +68,7 @@ def assembled(
         clearance=best.reports.clearance,
         constraint_reports=best.reports.each,
         via_times=best.via_times,
-        moves=_moves(task, best),
+        moves=_moves(best),
         calm=best.calm,
         search_remark=remark,
         decides=decides,
@@ -92,7 +92,7 @@ def failed(task: Task, found: SearchResult, elapsed: float) -> Solution:
     return replace(
         without_motion(task.problem, status, why, attempt.trajectory),
         certificate=Certificate(np.inf, np.inf, np.inf, remark=f"no motion was found ({attempt.message})"),
-        intervals=task.options.intervals,
+        intervals=task.intervals,
         iterations=found.iterations,
         solve_time=elapsed,
         worst_violation=worst,
@@ -137,12 +137,12 @@ def _repeated(task: Task, optima: list[Optimum]) -> list[Optimum]:
 
     An optimum that fails this check is moved behind the next.
     """
-    left, judged = sorted(optima, key=lambda optimum: (_rank(task, optimum), optimum.cost)), list[Optimum]()
+    left, judged = sorted(optima, key=lambda optimum: (_rank(optimum), optimum.cost)), list[Optimum]()
     for k, optimum in enumerate(left):
         judged.append(as_replayed(task, optimum))
-        if _rank(task, judged[k]) <= _rank(task, optimum):
+        if _rank(judged[k]) <= _rank(optimum):
             return [judged[k], *judged[:k], *left[k + 1 :]]
-    return sorted(judged, key=lambda optimum: (_rank(task, optimum), optimum.cost))
+    return sorted(judged, key=lambda optimum: (_rank(optimum), optimum.cost))
 
 
 def _certified_first(task: Task, optima: list[Optimum], bound: float | None) -> list[Optimum]:
@@ -150,7 +150,7 @@ def _certified_first(task: Task, optima: list[Optimum], bound: float | None) -> 
     best, *others = optima
     best = _judged(task, best, bound)
     for k, other in enumerate(others):
-        alike = _rank(task, other) <= _rank(task, best) and other.cost <= (1 + _ALIKE) * best.cost
+        alike = _rank(other) <= _rank(best) and other.cost <= (1 + _ALIKE) * best.cost
         if best.certificate.ok or not alike:
             break
         judged = _judged(task, as_replayed(task, other), bound)
@@ -167,26 +167,25 @@ def with_certificate(solution: Solution, certificate: Certificate) -> Solution:
 
 def _judged(task: Task, optimum: Optimum, bound: float | None) -> Optimum:
     """Complete a landed optimum's certificate: lower bound and, for an extremal, the error of the adjoint equations."""
-    certificate = replace(optimum.certificate, landing=task.options.replay_tolerance)
-    certificate = certificate.bounded(None if task.problem.pays_effort else bound, optimum.trajectory.duration)
+    certificate = optimum.certificate.bounded(None if task.problem.pays_effort else bound, optimum.trajectory.duration)
     return with_adjoint_check(task, replace(optimum, certificate=certificate))
 
 
-def _rank(task: Task, optimum: Optimum) -> tuple[bool, bool, bool]:
+def _rank(optimum: Optimum) -> tuple[bool, bool, bool]:
     """Sort key: motions that land first, then those within limits, then those that satisfy path constraints."""
-    return not optimum.landed(task.options.replay_tolerance), not optimum.within_limits, bool(optimum.missed)
+    return not optimum.landed, not optimum.within_limits, bool(optimum.missed)
 
 
-def _moves(task: Task, optimum: Optimum) -> bool:
+def _moves(optimum: Optimum) -> bool:
     """Whether an optimum may be reported as a motion: it lands, and exceeds no limit visibly."""
     nearly = optimum.certificate.limit_violation <= _NEARLY
-    return optimum.landed(task.options.replay_tolerance) and nearly and not optimum.missed
+    return optimum.landed and nearly and not optimum.missed
 
 
 def _status(task: Task, optimum: Optimum, found: SearchResult) -> Status:
     if task.stop.interrupted:
         return Status.INTERRUPTED
-    beyond, outside, missed = _rank(task, optimum)
+    beyond, outside, missed = _rank(optimum)
     kept = not (beyond or outside or missed)
     if task.stop.cut_short and not (kept and optimum.certificate.ok):
         return Status.TIME_LIMIT
@@ -226,7 +225,7 @@ def _message(task: Task, status: Status, optimum: Optimum, found: SearchResult) 
     certificate, duration = optimum.certificate, optimum.trajectory.duration
     if status is Status.INFEASIBLE:
         return f"{found.failed[0].message}; without obstacles the fastest motion found takes {duration:.6g} s"
-    if not any(_rank(task, optimum)) and status is not Status.INTERRUPTED:
+    if not any(_rank(optimum)) and status is not Status.INTERRUPTED:
         holding_deficit = task.problem.holding_deficit
         stays = (
             "" if holding_deficit is None else f"; not usable: the arm cannot stay at the goal: {holding_deficit.words}"
@@ -235,7 +234,7 @@ def _message(task: Task, status: Status, optimum: Optimum, found: SearchResult) 
         return ended + _solved(certificate, duration) + stays
     if status is Status.REPLAY_MISSED:
         unit, speed = (joint_unit(certificate.slides, *units) for units in (("rad", "m"), ("rad/s", "m/s")))
-        tolerance = f"(tolerance {task.options.replay_tolerance:g} {unit})"
+        tolerance = f"(tolerance {task.problem.landing:g} {unit})"
         if certificate.replay == "segments" or not certificate.repeats:
             return f"{replay_words(certificate)} {tolerance}"
         return (
@@ -244,7 +243,7 @@ def _message(task: Task, status: Status, optimum: Optimum, found: SearchResult) 
             f"open-loop growth {certificate.growth:.2g}"
         )
     said = ended_by_time(task.options.time_limit) if status is Status.TIME_LIMIT else status.replace("_", " ")
-    if _moves(task, optimum):
+    if _moves(optimum):
         said += f"; best so far {duration:.6g} s"
     elif status is not Status.CONDITION_MISSED:
         said += "; no motion so far reaches the goal within the limits"

@@ -33,7 +33,6 @@ class SequenceSettings:
         best_duration: duration to beat [s]: a sequence that is not near it after a few steps ends.
         eager: whether the policy's number of first steps are accepted without a test.
         tighten: new torque bounds, called after a well-predicted step, or without a better one.
-        most: limit of steps, which the policy may extend; None: the policy's.
     """
 
     trust: float
@@ -41,7 +40,6 @@ class SequenceSettings:
     best_duration: float = np.inf
     eager: bool = True
     tighten: Tighten | None = None
-    most: int | None = None
 
 
 class Sequential:
@@ -70,7 +68,7 @@ class Sequential:
         at = self.program.at(self.data.x)
         merit, step, base = self._merit(at), None, at
         k, last = -1, policy.patience - 1
-        while k < last and (settings.most is None or k < settings.most - 1):
+        while k < last:
             k += 1
             if self.stop:
                 status, word = Status.INTERRUPTED, "interrupted"

@@ -102,8 +102,8 @@ def solve_curve(
     if solved_by_steps(task, shape, rows) and (warm_start is None or warm_start.in_steps):
         numbers = task.policy.sequential.without_obstacles
         numbers = replace(numbers, trust=numbers.calm_trust) if spec.least else numbers
-        trust, most = numbers.trust if warm_start is None else numbers.warm_trust, task.options.max_iterations
-        steps = SequenceSettings(trust, numbers.enough, eager=warm_start is None, tighten=tighten, most=most)
+        trust = numbers.trust if warm_start is None else numbers.warm_trust
+        steps = SequenceSettings(trust, numbers.enough, eager=warm_start is None, tighten=tighten)
         found = solve_in_steps(task, guess, spec, steps, numbers)
         if found.converged or task.stop or by_steps:
             return found
@@ -262,11 +262,10 @@ def _solver(task: Task, shape: CurveLayout, rows: tuple[StageRows, ...], warm: b
     """The solver of the program; a program without machine code is rebuilt once its code is ready."""
     if arrived():
         forget()
-    numbers, options = task.policy.curves, task.options
+    numbers = task.policy.curves
     settings = SolverSettings(
         numbers.tolerance,
-        min(options.max_iterations, numbers.patience),
-        options.verbose,
+        numbers.patience,
         numbers.warm_barrier if warm else numbers.barrier,
         Acceptable(numbers.accepted, numbers.accepted, numbers.tolerance, numbers.accepted_after),
         push=_WARM if warm else None,

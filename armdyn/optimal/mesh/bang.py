@@ -35,7 +35,7 @@ def minimum_time(task: Task) -> tuple[list[Optimum], SearchResult]:
     found = find(task)
     if not found.attempts:
         return [], found
-    optima, given_up = refined(task.with_options(intervals=found.mesh), found)
+    optima, given_up = refined(replace(task, intervals=found.mesh), found)
     left = [attempt.trajectory.duration for attempt in found.attempts[len(optima) :]]
     return optima, replace(found, slower=tuple(left), remark=_GIVEN_UP if given_up else found.remark)
 
@@ -44,13 +44,13 @@ def refined(task: Task, found: SearchResult) -> tuple[list[Optimum], bool]:
     """Refine optima on the first mesh, best first, until the others are slower.
 
     Args:
-        task: task with the first mesh as `options.intervals`.
+        task: task with the first mesh as `intervals`.
         found: the optima, best first.
 
     Returns:
         The optima that are worth it, in order, and whether the budget is spent.
     """
-    attempts, numbers, options = found.attempts, task.policy.refinement, task.options
+    attempts, numbers = found.attempts, task.policy.refinement
     # In sequence they share resolved motions: most of the work with active velocity limits.
     alone = bool(np.any(np.isfinite(task.problem.limits.velocity)))
     shared = ResolvedMotions(task.policy.motion_mesh) if alone else None
@@ -59,14 +59,14 @@ def refined(task: Task, found: SearchResult) -> tuple[list[Optimum], bool]:
     jobs = [partial(_refined, task, one, shared or ResolvedMotions(task.policy.motion_mesh)) for one in attempts]
     for k, optimum in enumerate(in_processes(jobs, 1 if alone else task.workers, first_here=True)):
         optima.append(optimum)
-        if optimum.usable(options.replay_tolerance):
+        if optimum.usable:
             if shared:
                 shared.best = min(shared.best, optimum.cost)
             duration, cost = attempts[k].trajectory.duration, optimum.cost
             sure = duration + numbers.error_factor * abs(duration - cost) if optimum.certificate.ok else np.inf
             cutoff = min(cutoff, sure, numbers.slower * cost)
         left = attempts[k + 1 :]
-        slower = options.refinements is None and numbers.lists_slower and left and left[0].trajectory.duration > cutoff
+        slower = numbers.lists_slower and left and left[0].trajectory.duration > cutoff
         if left and (task.stop or slower or (shared and shared.spent)):
             break
         if left:
@@ -84,9 +84,9 @@ def _refined(task: Task, attempt: Attempt, resolved: ResolvedMotions) -> Optimum
         if last.usable:
             attempt, one = last, _near(task, last, resolved)
             best = one if best is None else min(best, one, key=partial(_quality, task))
-            if best.certificate.ok or best.usable(task.options.replay_tolerance) or resolved.spent:
+            if best.certificate.ok or best.usable or resolved.spent:
                 break
-        if task.stop or (best is None and size > task.options.intervals):
+        if task.stop or (best is None and size > task.intervals):
             break
     if best is not None:
         return replace(best, iterations=iterations)
@@ -105,7 +105,7 @@ def _refined(task: Task, attempt: Attempt, resolved: ResolvedMotions) -> Optimum
 
 def _sizes(task: Task) -> Iterator[int]:
     """Numbers of intervals of successively finer meshes."""
-    size: int | None = task.options.intervals
+    size: int | None = task.intervals
     while size:
         yield size
         size = doubled(size, task.options.max_intervals)
@@ -113,9 +113,9 @@ def _sizes(task: Task) -> Iterator[int]:
 
 def _near(task: Task, attempt: Attempt, resolved: ResolvedMotions) -> Optimum:
     """Best motion near a mesh's solution: its bang arcs, else the resolved mesh's motion or its bang arcs."""
-    asked = task.options.arcs and task.scheme.control == "constant"
+    asked = task.scheme.control == "constant"
     if not asked or task.stop:
-        why = "arcs were not requested" if not asked else f"{task.stop.word} before the arcs were read"
+        why = "torques are linear between knots" if not asked else f"{task.stop.word} before the arcs were read"
         return Optimum.of(task.problem, replay_on_goal(task, attempt), attempt.intervals, None, why)
     exact = _exact(task, attempt.trajectory, attempt.intervals)
     if exact is not None:

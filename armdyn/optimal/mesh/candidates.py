@@ -52,12 +52,12 @@ def find(task: Task) -> SearchResult:
     same = task.policy.same.coarse, task.policy.same.distance
     count = numbers.guesses(options)
     # Guesses of the options are solved on the fine mesh directly.
-    on_mesh = partial(solve_quickly, intervals=options.intervals, settings=task.fine())
+    on_mesh = partial(solve_quickly, intervals=task.intervals, settings=task.fine())
     extra_jobs: list[Job] = [partial(on_mesh, guess=guess) for guess in options.guesses]
     task.progress(
-        f"search: {count} guesses" + (f", and {len(extra_jobs)} on {options.intervals} intervals" if extra_jobs else "")
+        f"search: {count} guesses" + (f", and {len(extra_jobs)} on {task.intervals} intervals" if extra_jobs else "")
     )
-    prepare_quickly(task, options.intervals, task.fine())  # before the fork, too
+    prepare_quickly(task, task.intervals, task.fine())  # before the fork, too
     with task.pooled(has_stagewise(task)) as pooled:
         attempts = _searched(pooled, count, SearchSettings(task.policy.search.meshes, task.coarse()), extra_jobs)
         fine, coarse = (distinct(some, *same) for some in (attempts[: len(extra_jobs)], attempts[len(extra_jobs) :]))
@@ -78,7 +78,7 @@ def find(task: Task) -> SearchResult:
             least = numbers.least_repeated_at_speed
         several = min(count, max(count // share, least))
         prepare_quickly(task, mesh, task.fine())
-        with near.with_options(intervals=mesh).pooled(has_stagewise(near)) as near:
+        with replace(near, intervals=mesh).pooled(has_stagewise(near)) as near:
             again = _searched(near, several, SearchSettings(meshes, task.coarse()), known=refined.attempts)
             found = distinct([*refined.attempts, *again], *same)
             refined = _refined(near, found)
@@ -115,19 +115,18 @@ def _refined(task: Task, found: Sequence[Attempt]) -> SearchResult:
     """The best distinct coarse optima, on the first mesh for arc detection and in its order.
 
     Args:
-        task: task with that mesh as `options.intervals`.
+        task: task with that mesh as `intervals`.
         found: optima, best first.
     """
-    options, settings = task.options, task.fine()
-    most = task.policy.search.refinements(options)
-    prepare_quickly(task, options.intervals, settings)
+    settings, most = task.fine(), task.policy.search.refinements(task.options)
+    prepare_quickly(task, task.intervals, settings)
 
-    task.progress(f"the best optima, about {found[0].trajectory.duration:.4f} s, on {options.intervals} intervals")
+    task.progress(f"the best optima, about {found[0].trajectory.duration:.4f} s, on {task.intervals} intervals")
     candidates: list[Attempt] = []
     iterations, solves = 0, most * task.policy.search.fine_solves
-    jobs = [partial(_finer, attempt, options.intervals, settings) for attempt in found]
+    jobs = [partial(_finer, attempt, task.intervals, settings) for attempt in found]
     for k, (attempt, fine) in enumerate(zip(found, task.results(jobs), strict=True)):
-        iterations += fine.iterations if attempt.intervals != options.intervals else 0
+        iterations += fine.iterations if attempt.intervals != task.intervals else 0
         # Coarse durations may be spurious; those on the mesh are the ones to beat.
         candidates = distinct([*candidates, fine], task.policy.same.mesh, task.policy.same.distance)
         worth = task.policy.search.only_listed * candidates[0].trajectory.duration if candidates else np.inf
@@ -136,7 +135,7 @@ def _refined(task: Task, found: Sequence[Attempt]) -> SearchResult:
             break
     candidates = candidates[:most] or list(found[:1])
     listed = tuple(attempt.trajectory.duration for attempt in found[k + 1 :])
-    return SearchResult(tuple(candidates), mesh=options.intervals, listed=listed, iterations=iterations)
+    return SearchResult(tuple(candidates), mesh=task.intervals, listed=listed, iterations=iterations)
 
 
 def _finer(attempt: Attempt, intervals: int, settings: SolverSettings, task: Task) -> Attempt:
@@ -149,7 +148,7 @@ def _too_coarse(task: Task, found: Sequence[Attempt], refined: SearchResult) -> 
     Returns:
         The mesh for arc detection, the search's meshes, and the number of guesses.
     """
-    numbers, mesh = task.policy.search, task.options.intervals
+    numbers, mesh = task.policy.search, task.intervals
     if not numbers.repeats or task.stop:
         return None
     slower = refined.attempts[0].trajectory.duration / found[0].trajectory.duration
@@ -179,7 +178,7 @@ def _misses_goal(task: Task, attempt: Attempt) -> bool:
 
 def _without_search(task: Task, failed: list[Attempt]) -> list[Attempt]:
     """Attempts if no guess converged: the finer mesh, from the straight guess and the last iterate."""
-    attempts, intervals = list(failed), task.options.intervals
+    attempts, intervals = list(failed), task.intervals
     for guess in (spline(task.problem, []), failed[0].trajectory):
         if task.stop:
             break

@@ -99,11 +99,7 @@ def _programs(task: Task, guesses: Guesses, intervals: int) -> "list[_Program]":
 
 def has_stagewise(task: Task) -> bool:
     """Whether the stagewise method is available in time; one solver serves all meshes."""
-    return (
-        not task.stop
-        and condensable(task)
-        and isinstance(_solver(task, task.options.intervals, task.fine()), Stagewise)
-    )
+    return not task.stop and condensable(task) and isinstance(_solver(task, task.intervals, task.fine()), Stagewise)
 
 
 def solve_on_knots(task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, tie: float = 0.0) -> Attempt:

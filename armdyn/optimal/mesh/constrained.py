@@ -48,10 +48,10 @@ def constrained(task: Task, rough: Sequence[Trajectory] = ()) -> tuple[list[Opti
 
 def _near(task: Task, rough: Sequence[Trajectory]) -> SearchResult | None:
     """Distinct solutions on the first mesh near rough motions; None: there is no solution."""
-    same, options = task.policy.same, task.options
-    attempts = [solve_on_mesh(task, guess, options.intervals, task.fine()) for guess in rough]
+    same = task.policy.same
+    attempts = [solve_on_mesh(task, guess, task.intervals, task.fine()) for guess in rough]
     found, iterations = distinct(attempts, same.mesh, same.distance), sum(attempt.iterations for attempt in attempts)
-    return SearchResult(tuple(found), mesh=options.intervals, iterations=iterations) if found else None
+    return SearchResult(tuple(found), mesh=task.intervals, iterations=iterations) if found else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +134,7 @@ def _next(task: Task, mesh: _Mesh, found: Optimum, replay: Trajectory, attempt: 
 
 def _faults(task: Task, optimum: Optimum) -> tuple[bool, bool, bool]:
     """Flags: a constraint is violated; the goal is missed; `_beyond` limits."""
-    missed = not optimum.landed(task.policy.path_constraints.near)
+    missed = not optimum.certificate.ends_within(task.policy.path_constraints.near)
     return bool(optimum.missed), missed, _beyond(task, optimum)
 
 
@@ -147,7 +147,7 @@ def _beyond(task: Task, optimum: Optimum) -> bool:
 def _rank(task: Task, optimum: Optimum) -> tuple[bool, bool, bool, bool, float]:
     """Sort key: kept constraints first, then motions that land, kept limits, goals met well, and durations."""
     violated, missed, beyond = _faults(task, optimum)
-    return violated, not optimum.landed(task.options.replay_tolerance), beyond, missed, optimum.trajectory.duration
+    return violated, not optimum.landed, beyond, missed, optimum.trajectory.duration
 
 
 def _replayed(task: Task, attempt: Attempt) -> Trajectory:

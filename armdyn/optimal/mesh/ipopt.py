@@ -104,10 +104,10 @@ class Ipopt(Generic[P]):
                 "iteration_callback_step": _POLL if nx <= _SMALL else 1,
                 "calc_multipliers": False,
                 "calc_lam_p": False,
-                "inputs_check": settings.verbose,  # CasADi warns of equations in fixed unknowns only
+                "inputs_check": False,  # CasADi warns of equations in fixed unknowns only
                 "error_on_fail": False,
                 "print_time": False,
-                "show_eval_warnings": settings.verbose,
+                "show_eval_warnings": False,
                 "ipopt": _options(settings),
             },
         )
@@ -152,7 +152,7 @@ def _options(settings: SolverSettings) -> dict[str, float | str]:
         # Panda took 65 iterations in the median and 23.5 s, without it 26 and 7.2 s, to the same optima.
         "mumps_permuting_scaling": 0,
         "fixed_variable_treatment": "make_parameter",
-        "print_level": 5 if settings.verbose else 0,
+        "print_level": 0,
         "sb": "yes",
     }
     if settings.exact:  # IPOPT's default acceptable level allows defects of 1e-2

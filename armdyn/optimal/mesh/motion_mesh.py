@@ -53,10 +53,10 @@ class ResolvedMotions:
         """Whether the best usable motion is so much faster than a mesh's motion that the mesh is skipped."""
         return mesh.trajectory.duration > (1 + self._numbers.abandoned) * self.best
 
-    def usable_by(self, duration: float, tolerance: float) -> bool:
-        """Whether a motion of at most this duration is usable; tolerance: of its goal error [rad or m]."""
+    def usable_by(self, duration: float) -> bool:
+        """Whether a motion of at most this duration is usable."""
         known = (optimum for _, optimum in self._known if optimum is not None and optimum.cost <= duration)
-        return any(one.usable(tolerance) for one in known)
+        return any(one.usable for one in known)
 
     def add(self, meshes: Sequence[Attempt], optimum: Optimum | None) -> None:
         """Record the result of solutions on successive meshes; None: no result."""
@@ -86,8 +86,7 @@ class _Meshes:
     def finer(self, attempt: Attempt) -> Iterator[Attempt]:
         """Rough solutions of one optimum on successively finer meshes."""
         numbers, within = self.task.policy.motion_mesh, self._within(MeshMargins())
-        verbose = self.task.options.verbose
-        rough = SolverSettings(numbers.tolerance, numbers.first_iterations, verbose, numbers.barrier)
+        rough = SolverSettings(numbers.tolerance, numbers.first_iterations, numbers.barrier)
         near = replace(
             rough,
             max_iterations=numbers.iterations,
@@ -139,7 +138,6 @@ class _Meshes:
         return SolverSettings(
             numbers.sharp_tolerance,
             numbers.sharp_iterations,
-            self.task.options.verbose,
             numbers.sharp_barrier,
             push=numbers.push,
             convex=numbers.convex,
@@ -352,19 +350,19 @@ def _within_margins(meshes: _Meshes, mesh: Attempt, optimum: Optimum) -> Optimum
 
     An unstable motion can be repeated only under feedback, for which torques on their limits leave no range.
     """
-    task, margins, last, near = meshes.task, MeshMargins(), optimum, meshes.task.options.replay_tolerance
-    if meshes.resolved.usable_by(optimum.cost, near):
+    task, margins, last = meshes.task, MeshMargins(), optimum
+    if meshes.resolved.usable_by(optimum.cost):
         return optimum
     for kept in task.policy.motion_mesh.kept:
-        if last.usable(near):
+        if last.usable:
             break
-        margins = margins.wider(task, last, margins.torque if last.landed(near) else kept)
+        margins = margins.wider(task, last, margins.torque if last.landed else kept)
         again = meshes.again(mesh, mesh.mesh, margins)
         found = None if again is None else _judged(task, again)
         if again is None or found is None:
             break
         mesh, last = again, found.optimum
-    return last if last.usable(near) else optimum
+    return last if last.usable else optimum
 
 
 def _judged(task: Task, attempt: Attempt) -> _Judged | None:

@@ -48,7 +48,7 @@ def time_energy(task: Task) -> tuple[list[Optimum], SearchResult]:
         paid = cost(task.problem, phases)
         task.progress(f"replaying an optimum of J = {paid:.4f} s")
         landed.append(replace(_replayed(task, phases), cost=paid))
-        if landed[-1].landed(options.replay_tolerance) or task.stop:
+        if landed[-1].landed or task.stop:
             break
     failed = attempts if landed else _none_of(task, attempts, queue.failed)
     iterations = sum(attempt.iterations for attempt in attempts)

@@ -33,7 +33,6 @@ class SolverSettings:
     Attributes:
         tolerance: error of the optimality conditions and the equations, on the scaled problem.
         max_iterations: iteration limit.
-        verbose: print the iterations.
         barrier: first barrier parameter of an interior-point method, by default IPOPT's; others ignore it.
         acceptable: error at which it may stop early; None: the solver's default.
         exact: whether bounds are not relaxed and only the tolerance is accepted.
@@ -46,7 +45,6 @@ class SolverSettings:
 
     tolerance: float
     max_iterations: int = 500
-    verbose: bool = False
     barrier: float = 0.1
     acceptable: Acceptable | None = None
     exact: bool = False
@@ -59,13 +57,6 @@ MAX_STARTS = 10**5
 """Largest number of guesses: a hundred times that of `search="thorough"`; all are drawn before the search begins."""
 MAX_CALM = 0.5
 """Upper bound on `MinimumTimeOptions.calm`: a motion with more is not one of least time."""
-REPLAY_TOLERANCE = 1e-3
-"""Default of `MinimumTimeOptions.replay_tolerance` [rad or m]: about 1 mm at the tip, which a controller corrects."""
-RELATIVE_GOAL_TOLERANCE = 1e-2
-"""Largest goal error from rest to rest, as a part of the way: with 1e-5 rad alone, an arm that does not move might
-land on a near goal."""
-LEAST_TOLERANCE = 1e-10
-"""Smallest goal error that counts as a miss [rad or m]: ten times the error of an integrator of tolerance 1e-10."""
 
 
 @brief
@@ -74,8 +65,6 @@ class MinimumTimeOptions(Checked):
     """Options of `solve_minimum_time`.
 
     An attribute that is None is decided by the problem's policy; `armdyn doctor ROBOT --policy` shows it with reasons.
-    Arms of more than three joints move along curves, for which refinements, intervals, max_intervals,
-    arcs and tolerance have no effect.
 
     Attributes:
         guesses: motions of the same joints as additional initial guesses, such as optima of similar problems.
@@ -84,19 +73,10 @@ class MinimumTimeOptions(Checked):
             has a weight, which have numbers of their own.
         starts: number of guesses of the global search, whatever the level; at most 100,000.
         seed: seed of the guesses after the first; the same seed gives the same answer.
-        refinements: number of the optima found that are refined, even if slower than a certified one; None: slower ones
-            are listed with the mesh's duration.
-        intervals: intervals of the mesh from which the arcs are detected.
-        max_intervals: intervals of the finest such mesh, tried if the arcs do not converge or the replay misses the
-            goal.
-        arcs: resolve the arcs to exact switching times; False: the answer is the mesh's.
-        replay_tolerance: largest goal error of the replay [rad or m] that counts as landed; from rest to rest at most
-            a hundredth of the way.
+        max_intervals: intervals of the finest mesh of the search, tried if a coarser one does not converge or its
+            replay misses the goal. No effect on curves.
         compile: the program's derivatives as machine code, ten times as fast, built once by the C compiler and cached
             for the user: always, never, or (None) if the build takes only seconds or is cached already.
-        max_iterations: of IPOPT, for one guess on one mesh, or one curve; also steps of a curve's convexification. A
-            guess of three joints has 250 at most.
-        tolerance: of IPOPT, on the scaled problem.
         calm: part of the duration that may be spent on calm joints, where motions are curves: the answer is the motion
             with the least travel and fewest reversals of the joints among those slower than the fastest by this part. A
             motion proven within 0.1 % of the least duration stays so. 0: the fastest motion.
@@ -111,24 +91,16 @@ class MinimumTimeOptions(Checked):
             than is left are not begun. Reading the robot is not part of it.
         workers: processes of search and refinement; None: one per core. The answer does not depend on them. Threads may
             solve concurrently: IPOPT is locked, and each thread gets the answer that it would get alone.
-        verbose: print the solvers' iterations.
     """
 
     guesses: tuple[Trajectory, ...] = checked(each, (), of=expect, kind=Trajectory)
     search: SearchLevel = checked(one_of, "normal", known=SEARCH_LEVELS)
     starts: int | None = checked(whole, None, least=1, most=MAX_STARTS)
     seed: int = checked(whole, 0, least=0)
-    refinements: int | None = checked(whole, None, least=1, most=MAX_STARTS)
-    intervals: int = checked(whole, 40, least=1)
     max_intervals: int = checked(whole, 160, least=1)
-    arcs: bool = checked(flag, True)
-    replay_tolerance: float = checked(number, REPLAY_TOLERANCE, sign="positive", finite=False)
     compile: bool | None = checked(flag, None)
-    max_iterations: int = checked(whole, 500, least=1)
-    tolerance: float = checked(number, 1e-8, sign="positive", finite=False)
     calm: float = checked(number, 1e-3, least=0.0, most=MAX_CALM)
     bound: bool = checked(flag, True)
     bound_programs: int | None = checked(whole, None, least=1)
     time_limit: float = checked(number, 300.0, sign="positive", finite=False)
     workers: int | None = checked(whole, None, least=1)
-    verbose: bool = checked(flag, False)

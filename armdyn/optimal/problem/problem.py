@@ -51,6 +51,8 @@ from armdyn.rendering import renderer
 from armdyn.reprs import brief, called, several_numbers
 from armdyn.trajectory import Trajectory
 
+LANDING = 1e-3
+"""Largest goal error that counts as landed [rad or m]: about 1 mm at the tip, which a controller corrects."""
 _IDLE = 2.0
 """Torque limits of `without_torques` over the largest acceleration: they decide nothing."""
 
@@ -286,6 +288,12 @@ class MinimumTimeProblem:
         """Whether the motion begins and ends at rest."""
         n = self.robot.nv
         return not (np.any(self.x_start[n:]) or np.any(self.x_goal[n:]))
+
+    @property
+    def landing(self) -> float:
+        """Largest goal error that counts as landed [rad or m]; from rest to rest at most a hundredth of the way."""
+        way = float(np.max(np.abs(np.diff(self.poses, axis=0)))) if self.from_rest_to_rest else np.inf
+        return min(LANDING, way / 100)  # with less an arm that does not move might land on a near goal
 
     @property
     def pays_effort(self) -> bool:

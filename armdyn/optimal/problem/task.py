@@ -5,12 +5,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any, Self, TypeVar
 
-import numpy as np
-
 from armdyn.codegen.deadline import NoTimeError, until
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ProblemError
-from armdyn.optimal.problem.options import LEAST_TOLERANCE, RELATIVE_GOAL_TOLERANCE, MinimumTimeOptions, SolverSettings
+from armdyn.optimal.problem.options import MinimumTimeOptions, SolverSettings
 from armdyn.optimal.problem.policy import Policy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Stop
@@ -23,14 +21,6 @@ Result = TypeVar("Result")
 
 def _ignore(text: str) -> None:
     """Ignore a progress message."""
-
-
-def _landing(problem: MinimumTimeProblem, options: MinimumTimeOptions) -> float:
-    """Largest goal error that counts as landed [rad or m]."""
-    if not problem.from_rest_to_rest:
-        return options.replay_tolerance
-    travel = float(np.max(np.abs(np.diff(problem.poses, axis=0))))
-    return min(options.replay_tolerance, max(RELATIVE_GOAL_TOLERANCE * travel, LEAST_TOLERANCE))
 
 
 def _no_bound() -> None:
@@ -47,6 +37,7 @@ class Task:
         scheme: transcription scheme.
         options: options of the user.
         policy: choices by the class of the problem, and tuned numbers.
+        intervals: intervals of the mesh on which the optima of coarse meshes are told apart.
         stop: stopping condition, polled every few iterations.
         progress: called with a line of text on the current step.
         lower_bound: returns the proven lower bound on the duration [s], perhaps after a wait; None: no bound is known.
@@ -58,6 +49,7 @@ class Task:
     scheme: Scheme
     options: MinimumTimeOptions
     policy: Policy
+    intervals: int
     stop: Stop = field(default_factory=Stop)
     progress: Callable[[str], None] = _ignore
     lower_bound: Callable[[], float | None] = _no_bound
@@ -92,8 +84,9 @@ class Task:
             problem,
             dynamics,
             policy.scheme(options),
-            replace(options, replay_tolerance=_landing(problem, options)),
+            options,
             policy,
+            policy.search.fine_mesh,
             Stop() if stop is None else stop,
             progress or _ignore,
         )
@@ -102,10 +95,8 @@ class Task:
         """The task for another problem, with the same overrides of the policy."""
         policy = self.policy.for_problem(problem)
         dynamics = Dynamics(problem.robot, free_last_body=True)
-        options = replace(self.options, replay_tolerance=_landing(problem, self.options))
-        return replace(
-            self, problem=problem, dynamics=dynamics, scheme=policy.scheme(options), options=options, policy=policy
-        )
+        scheme = policy.scheme(self.options)
+        return replace(self, problem=problem, dynamics=dynamics, scheme=scheme, policy=policy)
 
     def with_options(self, **changes: Any) -> Self:
         """The task with some options changed."""
@@ -166,8 +157,7 @@ class Task:
 
     def alone(self) -> SolverSettings:
         """Settings for a single guess without a search."""
-        return self._settings(self.options.tolerance, SolverSettings.barrier)
+        return SolverSettings(self.policy.program.fine_tolerance / 100)  # nothing follows that would sharpen it
 
-    def _settings(self, tolerance: float, barrier: float, most: int | None = None) -> SolverSettings:
-        given = self.options.max_iterations
-        return SolverSettings(tolerance, min(given, most or given), self.options.verbose, barrier)
+    def _settings(self, tolerance: float, barrier: float, most: int | None) -> SolverSettings:
+        return SolverSettings(tolerance, most or SolverSettings.max_iterations, barrier)

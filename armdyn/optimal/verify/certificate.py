@@ -16,8 +16,7 @@ import numpy as np
 from armdyn.arguments import number
 from armdyn.arrays import Array
 from armdyn.optimal.problem.checks import LEAST_WAY
-from armdyn.optimal.problem.options import REPLAY_TOLERANCE
-from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.problem import LANDING, MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.verify.limit_violations import worst_violation
 from armdyn.optimal.verify.phases import Phases
@@ -117,7 +116,7 @@ class Certificate:
     idle: tuple[str, ...] = ()
     remark: str = ""
     exceeded: Violation | None = None
-    landing: float = REPLAY_TOLERANCE
+    landing: float = LANDING
     replay: Literal["open loop", "segments", "curve", "accelerations"] = "open loop"
     growth: float | None = None
     segment_error: float | None = None
@@ -279,7 +278,9 @@ def certify(
     exceeded = worst_violation(problem.robot, problem.limits, replay)
     limit = exceeded.value if exceeded else 0.0
     slides = tuple(problem.robot.slides.tolist())
-    plain = Certificate(goal, goal_velocity, limit, remark=remark, exceeded=exceeded, slides=slides)
+    plain = Certificate(
+        goal, goal_velocity, limit, remark=remark, exceeded=exceeded, landing=problem.landing, slides=slides
+    )
     if phases is None:
         return plain
     hamiltonian, switching, sign = pontryagin(problem, phases)

@@ -100,13 +100,15 @@ class Optimum:
         """Violated path constraints, in words."""
         return self.reports.reasons
 
-    def landed(self, tolerance: float) -> bool:
-        """Whether the replay ends within a tolerance of the goal [rad or m], see `Certificate.ends_within`."""
-        return self.certificate.ends_within(tolerance)
+    @property
+    def landed(self) -> bool:
+        """Whether the replay reaches the goal, see `Certificate.lands`."""
+        return self.certificate.lands
 
-    def usable(self, tolerance: float) -> bool:
-        """Whether the replay ends within a tolerance of the goal [rad or m], within all limits and path constraints."""
-        return self.landed(tolerance) and self.within_limits and not self.missed
+    @property
+    def usable(self) -> bool:
+        """Whether the replay reaches the goal within all limits and path constraints."""
+        return self.certificate.usable and not self.missed
 
 
 def trajectory_cost(motion: Trajectory, weight: ArrayLike) -> float:

@@ -35,7 +35,7 @@ def slowed(task: Task, optimum: Optimum) -> Optimum:
     numbers, factor = task.policy.refinement, least_slowing(task, optimum)
     if factor == 1 or not (np.isfinite(factor) and can_be_slowed(task.problem)):
         return optimum
-    if not optimum.landed(task.options.replay_tolerance):
+    if not optimum.landed:
         return optimum
     path, whole = replay_of(task, dense(optimum.trajectory, numbers.slow_samples)), 1.0
     for _ in range(numbers.slowing):

@@ -64,7 +64,7 @@ def test_an_interrupt_ends_the_proof_and_keeps_the_cycle():
         if line.startswith("proven:"):
             os.kill(os.getpid(), signal.SIGINT)
 
-    options = ad.MinimumTimeOptions(search="quick", workers=1, arcs=False)
+    options = ad.MinimumTimeOptions(search="quick", workers=1)
     found = ad.solve_cycle(cycle, options, pressed)
     assert sum(line.startswith("proven:") for line in lines) == 1
     assert found.usable

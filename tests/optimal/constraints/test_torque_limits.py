@@ -62,7 +62,7 @@ def test_none_at_all_changes_nothing_but_the_control():
 
 
 def test_a_jump_of_the_torque_is_seen():
-    jumping = ad.solve_minimum_time(rr(), ad.MinimumTimeOptions(arcs=False, starts=1)).trajectory
+    jumping = ad.solve_minimum_time(rr(), ad.MinimumTimeOptions(starts=1)).trajectory
     problem = rr(ad.TorqueRateLimit(1e6))
     kept = problem.path_constraints[0].check(problem, jumping, np.empty(0))
     assert kept.share > 1e6 and "changes" in kept.reasons[0] and "begins with a jump" in kept.reasons[1]

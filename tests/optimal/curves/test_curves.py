@@ -12,6 +12,7 @@ from armdyn.models.scene.collision import CollisionModel
 from armdyn.optimal.curves import curves as curves_module
 from armdyn.optimal.curves.curves import curves, optima_met
 from armdyn.optimal.curves.excess import excesses_of, worst_excess
+from armdyn.optimal.minimum_time import solve_task
 from armdyn.optimal.problem.status import Status, Stop
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.limit_violations import limit_violation
@@ -77,7 +78,7 @@ def pair(seed):
 def test_the_usual_pair():
     optimum = free(ur5)
     assert optimum.trajectory.duration == pytest.approx(FREE, rel=SAME)
-    assert optimum.landed(1e-6) and not optimum.missed
+    assert optimum.certificate.ends_within(1e-6) and not optimum.missed
     (reason,) = (text for text in optimum.certificate.reasons if "Pontryagin" in text)
     assert "Pontryagin's conditions are not checked" in reason
 
@@ -161,7 +162,7 @@ def test_a_slower_guess_is_tried_if_the_first_fails():
     task = replace(task, policy=task.policy.changed("curves", gentle=0.0, patience=80))
     optima, search = curves(task)
     optimum = slowed(task, optima[0])
-    assert optimum.usable(task.options.replay_tolerance) and optimum.trajectory.duration < 0.69
+    assert optimum.usable and optimum.trajectory.duration < 0.69
     assert " guesses" in search.remark and "seed" not in search.remark  # which change no guess through via points
 
 
@@ -426,7 +427,7 @@ def test_a_solve_interrupted_at_once_is_usable():
     optima, found = curves(Task.of(problem, stop=Stop(interrupted=True)))
     if optima:
         assert "did not converge (interrupted)" in "".join(optima[0].certificate.reasons).lower()
-        assert limit_violation(problem.limits, optima[0].trajectory) <= 1e-6 and optima[0].landed(1e-6)
+        assert limit_violation(problem.limits, optima[0].trajectory) <= 1e-6 and optima[0].certificate.ends_within(1e-6)
     else:
         assert found.failed[0].status is Status.INTERRUPTED
 
@@ -434,14 +435,18 @@ def test_a_solve_interrupted_at_once_is_usable():
 def test_a_solve_interrupted_later_is_usable():
     task = Task.of(ur5(), ad.MinimumTimeOptions(workers=1), Stop())
     optima, _ = curves(replace(task, progress=lambda text: task.stop.interrupt() if "round 1" in text else None))
-    assert optima[0].landed(1e-6) and optima[0].within_limits
+    assert optima[0].certificate.ends_within(1e-6) and optima[0].within_limits
 
 
 @pytest.mark.parametrize(
-    "options", [{"time_limit": 1e-3}, pytest.param({"max_iterations": 3}, marks=pytest.mark.slow)], ids=["late", "few"]
+    ("limit", "steps"), [(1e-3, None), pytest.param(300.0, 3, marks=pytest.mark.slow)], ids=["late", "few"]
 )
-def test_a_solve_without_convergence_is_reported(options):
-    solution = ad.solve_minimum_time(ur5(), ad.MinimumTimeOptions(**options))
+def test_a_solve_without_convergence_is_reported(limit, steps):
+    task = Task.of(ur5(), ad.MinimumTimeOptions(time_limit=limit))
+    if steps:
+        policy = task.policy.changed("curves", patience=steps).changed("sequential", free_patience=steps)
+        task = replace(task, policy=policy)
+    solution = solve_task(task)
     assert not solution.certificate.ok
     if solution.success:  # any curve within its limits is a motion
         assert "did not converge" in solution.message
@@ -454,7 +459,7 @@ def test_a_solve_without_convergence_is_reported(options):
 def test_a_goal_that_cannot_be_held_is_named():
     with pytest.warns(ad.ArmdynWarning, match="to hold the goal"):
         problem = ur5(goal=[0, 0, 0, -1, -1.5, 0], effort_limit=[150, 10, 150, 28, 28, 28])
-    few = ad.MinimumTimeOptions(bound=False, starts=1, workers=1, max_iterations=20)  # no more of them help
+    few = ad.MinimumTimeOptions(bound=False, starts=1, workers=1)
     solution = ad.solve_minimum_time(problem, few)
     assert not solution.success
     assert solution.status in (Status.INFEASIBLE, Status.ITERATION_LIMIT)

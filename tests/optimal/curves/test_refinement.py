@@ -146,7 +146,8 @@ def test_a_torque_that_no_pace_mends_remains_in_excess():
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("r"))
     with pytest.warns(ad.ArmdynWarning, match="to hold the goal"):
         nlp_data = ad.MinimumTimeProblem(robot, q_start=[-1.5], q_goal=[0.15], velocity_limit=4.0, effort_limit=0.2)
-    job = Task.of(nlp_data, ad.MinimumTimeOptions(compile=False, max_iterations=60))
+    job = Task.of(nlp_data, ad.MinimumTimeOptions(compile=False))
+    job = replace(job, policy=job.policy.changed("curves", patience=60))
     settled = refine_curve(job, straight(job, 12))
     assert nlp_data.holding_torque()[0] > 0.2
     assert settled.excess > 0.01

@@ -11,11 +11,11 @@ from armdyn.errors import ProblemError
 @pytest.mark.parametrize(
     ("option", "message"),
     [
-        ({"intervals": 0}, "intervals is 0"),
+        ({"max_intervals": 0}, "max_intervals is 0"),
         ({"workers": 0}, "workers is 0"),
         ({"starts": -1}, "starts is -1"),
         ({"time_limit": -1.0}, "time_limit is -1.0; it must be positive"),
-        ({"tolerance": float("nan")}, "tolerance"),
+        ({"calm": float("nan")}, "calm"),
     ],
 )
 def test_bad_options(option, message):

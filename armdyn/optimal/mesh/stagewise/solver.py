@@ -165,7 +165,7 @@ class Stagewise:
         Raises:
             MemoryError: out of memory.
         """
-        own, size, rows, x = self.settings, len(data.x), self._equations, data.x
+        size, rows, x = len(data.x), self._equations, data.x
         lower, upper = data.x_bounds
         if middles is not None:
             lower, upper = np.append(lower, middles[0].T), np.append(upper, middles[1].T)
@@ -176,8 +176,6 @@ class Stagewise:
 
         def monitor(iteration: int, cost: float, infeasible: float, error: float, barrier: float) -> bool:
             try:
-                if own.verbose:
-                    print(f"{iteration:4d} {cost:14.8f} {infeasible:9.2e} {error:9.2e} {barrier:8.1e}")  # noqa: T201
                 return bool(stop)
             except BaseException as failure:  # cannot pass through C: raised after its return
                 raised.append(failure)
@@ -185,7 +183,7 @@ class Stagewise:
 
         code = self.library.solve(
             self.intervals, slacks > 0, *map(_pointer, given), ctypes.byref(self._settings),
-            1 if own.verbose else _POLL, MONITOR(monitor), *map(_pointer, (w, lam, z)), ctypes.byref(count),
+            _POLL, MONITOR(monitor), *map(_pointer, (w, lam, z)), ctypes.byref(count),
         )  # fmt: skip
         if raised:
             raise raised[0]

@@ -71,6 +71,7 @@ class SearchPolicy:
         "used by the guesses in turn; joints without a motor swing, and coarse meshes admit spurious optima that are "
         "faster than any motion",
     )
+    fine_mesh: int = tuned(40, "intervals", "of the mesh on which optima of coarse meshes are told apart")
     ends_early: bool = by_kind(
         "-",
         "end once few optima recur, with path constraints or effort in the cost; else, of 34 "
@@ -181,7 +182,7 @@ class SearchPolicy:
     def refinements(self, options: MinimumTimeOptions, normal: int | None = None) -> int:
         """Number of optima to refine that the options request; arguments as for `guesses`."""
         own = self.refined if normal is None else normal
-        return options.refinements or own * (self.more_refined if options.search == "thorough" else 1)
+        return own * (self.more_refined if options.search == "thorough" else 1)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -126,5 +126,5 @@ def test_effort_scales_all_guesses(effort, guesses, optima):
     search = Policy.of(paper_problem("rrr", effort_weight=1.0)).search
     options = ad.MinimumTimeOptions(search=effort)
     assert (search.guesses(options, 24), search.refinements(options, 6)) == (guesses, optima)
-    settings = ad.MinimumTimeOptions(search=effort, starts=3, refinements=2)
-    assert (search.guesses(settings, 24), search.refinements(settings, 6)) == (3, 2)
+    settings = ad.MinimumTimeOptions(search=effort, starts=3)
+    assert (search.guesses(settings, 24), search.refinements(settings, 6)) == (3, optima)

@@ -97,7 +97,7 @@ ARCS = ("strategy", {"methods": ("arcs",), "bounded": False})
 
 SOLVES = {
     "switching times": lambda: noted(between("r")),
-    "the mesh's own motion": lambda: noted(between("r"), arcs=False),
+    "the mesh's own motion": lambda: noted(between("r"), (("polish", {"rounds": 0}),)),
     "a thorough search": lambda: noted(between("r"), search="thorough"),
     "position limits": lambda: noted(between("rr", **INSIDE), starts=4),
     "friction": lambda: noted(between("r", rubbing("r"))),
@@ -245,7 +245,8 @@ def a_curve_after_an_interrupt():
 
 
 def curves_that_do_not_converge():
-    curves(noted(between("rr", velocity_limit=5.0)).with_options(max_iterations=1))
+    few = noted(between("rr", velocity_limit=5.0))
+    curves(replace(few, policy=few.policy.changed("sequential", patience=1)))
 
 
 def guesses_for_two_workers():
