@@ -18,7 +18,7 @@ from armdyn.optimal.answer.goals import fastest_goal
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.bound.lower_bound import least_duration
 from armdyn.optimal.constraints.tightened import TightenedConstraints
-from armdyn.optimal.curves.curves import cruise, curves, rough_motions
+from armdyn.optimal.curves.curves import curves, rough_motions
 from armdyn.optimal.curves.profiles import profiles
 from armdyn.optimal.mesh.bang import minimum_time
 from armdyn.optimal.mesh.candidates import SearchResult
@@ -35,7 +35,6 @@ from armdyn.parallel import ForkPool, concurrently, job_pool, one_blas_thread
 
 METHODS: dict[Method, Callable[[Task], tuple[list[Optimum], SearchResult]]] = {
     "profiles": profiles,
-    "cruise": cruise,
     "arcs": minimum_time,
     "time-energy": time_energy,
     "mesh": lambda task: constrained(task, rough_motions(task)),
@@ -135,7 +134,8 @@ def refined(task: Task) -> tuple[list[Optimum], SearchResult]:
             break
         task.progress(f"no usable motion so far, or a faster one collides: {method}")
         near = tuple(one.trajectory for one in optima if one.certificate.ends_within(task.policy.landing.far))
-        more, searched = _by(method, task.with_options(guesses=near))
+        last = replace(task, policy=task.policy.by(method))
+        more, searched = _by(method, last.with_options(guesses=near))
         optima += [slowed(task, one) for one in more]
         failed, iterations = (*found.failed, *searched.failed), found.iterations + searched.iterations
         found = replace(found, failed=failed, iterations=iterations)
@@ -143,8 +143,9 @@ def refined(task: Task) -> tuple[list[Optimum], SearchResult]:
 
 
 def _by(method: Method, task: Task) -> tuple[list[Optimum], SearchResult]:
-    """Optima by one method; only curves avoid obstacles, the other methods ignore them, and clearances are checked."""
-    free = _without_obstacles(task) if method != "curves" else None
+    """Optima by one method; curves alone avoid obstacles; others ignore them, and clearances are checked."""
+    alone = method == "curves" and task.policy.strategy.curves_alone
+    free = None if alone else _without_obstacles(task)
     if free is None:
         return METHODS[method](task)
     optima, searched = METHODS[method](free)

@@ -48,12 +48,18 @@ _OTHER_SEEDS = "; other seeds may find a faster one"
 def curves(task: Task) -> tuple[list[Optimum], SearchResult]:
     """The fastest curves, replayed in turn until one reaches the goal and satisfies the path constraints.
 
+    Where the policy's strategy goes on with a mesh, it is the straight path's curve alone, in 0.05 s, for the lower
+    bound to prove, and none if sequential convexification does not converge.
+
     Args:
         task: the problem and its settings.
     """
-    numbers, needs_paths = task.policy.curves, task.problem.has_clearance or task.problem.has_regions
+    numbers, alone = task.policy.curves, task.policy.strategy.curves_alone
     starts = task.policy.search.guesses(task.options, numbers.starts)
-    if needs_paths:
+    if not alone:
+        first = refine_curve(task, straight_curve(task, numbers.intervals), _calms(task), by_steps=True)
+        found, planned = ([first] if first.solved.converged or task.stop else []), True
+    elif task.problem.has_clearance or task.problem.has_regions:
         found, planned = _among_obstacles(task)
     else:
         found, planned = _refined(task, _guesses(task, starts), _calms(task)), True
@@ -63,7 +69,7 @@ def curves(task: Task) -> tuple[list[Optimum], SearchResult]:
     if is_building():
         task.progress("its machine code is being built in the background, once: later solves are faster")
     if not found:  # or the time was up before the first curve
-        return [], SearchResult((), failed=(_without_path(task),))
+        return [], SearchResult((), failed=(_without_path(task),) if alone else ())
     failed = () if planned else (_without_path(task),)
     found.sort(
         key=lambda one: (
@@ -107,17 +113,6 @@ def rough_motions(task: Task) -> list[Trajectory]:
     alike = within(task.policy.same.mesh)
     groups = grouped(found, lambda one, other: alike(one.duration, other.duration))
     return [group[0].trajectory(task.problem.robot) for group in groups[: search.refinements(task.options)]]
-
-
-def cruise(task: Task) -> tuple[list[Optimum], SearchResult]:
-    """The straight path's curve by sequential convexification, in 0.05 s; no motion if that does not converge.
-
-    Args:
-        task: a problem whose fastest motion is shaped by velocity limits: its lower bound often proves the curve.
-    """
-    found = refine_curve(task, straight_curve(task, task.policy.curves.intervals), _calms(task), by_steps=True)
-    fast = found.excess <= task.policy.curves.most_excess and (found.solved.converged or task.stop)
-    return ([_calm(task, found)] if fast else []), SearchResult(())
 
 
 def _optima_met(task: Task, found: Sequence[RefinedCurve]) -> str:

@@ -18,7 +18,7 @@ from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.limit_violations import limit_violation
 from armdyn.optimal.verify.rollout import replay_torques
 from armdyn.optimal.verify.slowing import slowed
-from problems import held_ur5
+from problems import POSES, held_ur5, paper_arm
 
 START, GOAL = [0, -1, 1, -1, -1.5, 0], [-1.5, -1.8, 1.6, -0.4, 0.3, 1.0]
 FREE = 0.578602
@@ -49,9 +49,15 @@ def free(arm):
     return solved(arm())
 
 
+def by_curves(problem, **options):
+    """The task, with curves as its only method."""
+    task = Task.of(problem, ad.MinimumTimeOptions(**{"calm": 0.0, **options}))
+    return replace(task, policy=task.policy.by("curves"))
+
+
 def solved(problem, **options):
     """The optimum, with every solution's conditions checked by other means."""
-    task = Task.of(problem, ad.MinimumTimeOptions(**{"calm": 0.0, **options}))
+    task = by_curves(problem, **options)
     optima, _ = curves(task)
     optimum = slowed(task, optima[0])
     motion, limits = optimum.trajectory, problem.limits
@@ -158,7 +164,7 @@ def test_a_via_point_is_passed_with_limited_jerks():
 @pytest.mark.slow
 def test_a_slower_guess_is_tried_if_the_first_fails():
     """The first has no ramps, and leads nowhere."""
-    task = Task.of(passing(), ad.MinimumTimeOptions(calm=0.0, bound=False))
+    task = by_curves(passing(), bound=False)
     task = replace(task, policy=task.policy.changed("curves", gentle=0.0, patience=80))
     optima, search = curves(task)
     optimum = slowed(task, optima[0])
@@ -422,6 +428,18 @@ def test_guesses_of_the_options_are_begun_with():
         curves(Task.of(problem, ad.MinimumTimeOptions(guesses=(other,))))
 
 
+def test_before_a_mesh_a_curve_that_steps_do_not_find_is_none():
+    """IPOPT and further guesses are left to curves alone; with these numbers steps do not converge."""
+    problem = ad.MinimumTimeProblem(paper_arm("rr"), q_start=POSES["rr"][0], q_goal=POSES["rr"][1], velocity_limit=3.0)
+    task = Task.of(problem, ad.MinimumTimeOptions(calm=0.0))
+    (first,), found = curves(task)
+    assert first.certificate.ends_within(1e-6) and not found.failed
+    hasty = replace(task, policy=task.policy.changed("sequential", patience=1))
+    assert curves(hasty)[0] == []
+    alone, _ = curves(replace(hasty, policy=hasty.policy.by("curves")))
+    assert alone and alone[0].certificate.ends_within(1e-6)
+
+
 def test_a_solve_interrupted_at_once_is_usable():
     problem = ur5()
     optima, found = curves(Task.of(problem, stop=Stop(interrupted=True)))
@@ -506,7 +524,7 @@ def too_fast(monkeypatch, problem, factor):
         return [replace(one, excess=excess) for one, excess in zip(fast, over, strict=True)]
 
     monkeypatch.setattr(curves_module, "_refined", refined_badly)
-    task = Task.of(problem, ad.MinimumTimeOptions(search="quick", starts=1, calm=0.0))
+    task = by_curves(problem, search="quick", starts=1)
     return task, *curves(task)
 
 

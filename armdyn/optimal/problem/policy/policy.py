@@ -25,10 +25,10 @@ from armdyn.optimal.problem.policy.tuned import by_kind, rows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.tableau import Scheme
 
-Method = Literal["profiles", "cruise", "arcs", "time-energy", "mesh", "curves"]
-"""Refinement methods: every joint's own fastest profile; the straight path's curve, for a lower bound to prove;
-switching times of bang-bang torques; smooth torques where effort has a weight; collocation, tightened until the replay
-satisfies the path constraints; B-splines with inverse dynamics."""
+Method = Literal["profiles", "arcs", "time-energy", "mesh", "curves"]
+"""Refinement methods: every joint's own fastest profile; switching times of bang-bang torques; smooth torques where
+effort has a weight; collocation, tightened until the replay satisfies the path constraints; B-splines with inverse
+dynamics, before a mesh only the straight path's."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,6 +177,10 @@ class Policy:
         own = {group: replace(getattr(self, group), **numbers), "overrides": (*self.overrides, (group, numbers))}
         return replace(self, **own)
 
+    def by(self, method: Method) -> Self:
+        """The policy with one method alone."""
+        return self.changed("strategy", methods=(method,), fallback=())
+
     def for_problem(self, problem: MinimumTimeProblem) -> Self:
         """The policy for another problem, with the same overrides."""
         policy = self.of(problem)
@@ -191,7 +195,7 @@ def _strategy(problem: MinimumTimeProblem, motors: bool, speed_limited: bool) ->
     constrained = bool(set(problem.path_constraint_names) - {"obstacles", "self-collision"})
     own: Method = "mesh" if constrained else "time-energy" if problem.pays_effort else "arcs"
     free = motors and not (constrained or problem.pays_effort)
-    first: tuple[Method, ...] = ("curves",) if alone else ("cruise",) if speed_limited and free else ()
+    first: tuple[Method, ...] = ("curves",) if alone else ("curves",) if speed_limited and free else ()
     profiled: tuple[Method, ...] = ("profiles",) if motors and _has_profiles(problem) else ()
     return StrategyPolicy(
         methods=(*profiled, *(first if alone else (*first, own))),

@@ -70,7 +70,7 @@ def test_the_strategy_of_a_kind_of_problem(kind):
 
 
 def test_where_velocity_limits_shape_the_motion_curves_come_first():
-    for more, methods in (({}, ("cruise", "arcs")), ({"effort_weight": 0.1}, ("time-energy",))):
+    for more, methods in (({}, ("curves", "arcs")), ({"effort_weight": 0.1}, ("time-energy",))):
         strategy = Policy.of(paper_problem("rr", velocity_limit=3.0, **more)).strategy
         assert strategy.methods == methods and strategy.bounded == (not more)
 

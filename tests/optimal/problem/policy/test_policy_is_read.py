@@ -72,6 +72,11 @@ def noted(problem, changes=(), **options):
     return replace(task, policy=policy).for_problem(problem)
 
 
+def by_curves(task):
+    """The task with curves as its only method, as where no other finds a motion."""
+    return replace(task, policy=task.policy.by("curves"))
+
+
 def between(arm, robot=None, **more):
     """The paper's motion of an arm, perhaps of another robot."""
     start, goal = POSES[arm]
@@ -240,12 +245,12 @@ def a_guess_with_ramps():
 
 
 def a_curve_after_an_interrupt():
-    task = replace(noted(between("rr", velocity_limit=5.0)), stop=Stop())
+    task = by_curves(replace(noted(between("rr", velocity_limit=5.0)), stop=Stop()))
     curves(replace(task, progress=lambda text: task.stop.interrupt()))
 
 
 def curves_that_do_not_converge():
-    few = noted(between("rr", velocity_limit=5.0))
+    few = by_curves(noted(between("rr", velocity_limit=5.0)))
     curves(replace(few, policy=few.policy.changed("sequential", patience=1)))
 
 
