@@ -434,7 +434,7 @@ def test_before_a_mesh_a_curve_that_steps_do_not_find_is_none():
     task = Task.of(problem, ad.MinimumTimeOptions(calm=0.0))
     (first,), found = curves(task)
     assert first.certificate.ends_within(1e-6) and not found.failed
-    hasty = replace(task, policy=task.policy.changed("sequential", patience=1))
+    hasty = replace(task, policy=task.policy.changed("sequential", free_patience=1, near=0.0))
     assert curves(hasty)[0] == []
     alone, _ = curves(replace(hasty, policy=hasty.policy.by("curves")))
     assert alone and alone[0].certificate.ends_within(1e-6)
