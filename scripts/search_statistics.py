@@ -27,8 +27,8 @@ from scipy.stats import binomtest
 
 import armdyn as ad
 from armdyn.optimal.minimum_time import solve_task
+from armdyn.optimal.problem.choices import SEARCH_LEVELS
 from armdyn.optimal.problem.policy import Policy
-from armdyn.optimal.problem.search_level import SEARCH_LEVELS
 from armdyn.optimal.problem.task import Task
 
 SAME = 1e-6

@@ -17,8 +17,8 @@ from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import REACHED, GoalPose, deviations_of, frame_placement
 from armdyn.optimal.constraints.frame_limits import FrameRegion, FrameSpeedLimit
 from armdyn.optimal.problem.policy.search import CyclePolicy
+from armdyn.optimal.problem.poses import check_via_regions, via_positions
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.problem.via_regions import check_via_regions, via_positions
 
 
 def problem_of(cycle: Cycle, leg: Leg, q_start: Array, q_goal: Array) -> MinimumTimeProblem:

@@ -13,7 +13,7 @@ from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.models.values.spec import Payload
 from armdyn.optimal.problem.checks import check_path_constraints
-from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
+from armdyn.optimal.problem.planning_limits import PathConstraintSpec
 from armdyn.reprs import brief
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]

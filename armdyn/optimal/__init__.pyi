@@ -9,7 +9,7 @@ from armdyn.optimal.curves.planned_paths import plan_path as plan_path
 from armdyn.optimal.gap import TimeOptimality as TimeOptimality
 from armdyn.optimal.gap import time_optimality as time_optimality
 from armdyn.optimal.gap import trajectory_from_path as trajectory_from_path
-from armdyn.optimal.minimum_time import solve_many as solve_many
+from armdyn.optimal.many import solve_many as solve_many
 from armdyn.optimal.minimum_time import solve_minimum_time as solve_minimum_time
 from armdyn.optimal.problem.options import MinimumTimeOptions as MinimumTimeOptions
 from armdyn.optimal.problem.problem import MinimumTimeProblem as MinimumTimeProblem

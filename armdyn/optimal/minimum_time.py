@@ -1,7 +1,6 @@
-"""Minimum-time motions: from one problem to its solution, and many problems on all cores."""
+"""Minimum-time motions: from a problem to its solution."""
 
 import time
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -9,10 +8,9 @@ from functools import partial
 
 import numpy as np
 
-from armdyn.arguments import expect, listener, several
+from armdyn.arguments import expect, listener
 from armdyn.codegen.deadline import NoTimeError
-from armdyn.errors import ProblemError
-from armdyn.optimal.answer.advice import followed_by
+from armdyn.optimal.answer.advice import followed_by, warn_of_options_without_effect
 from armdyn.optimal.answer.assembly import assembled, ended_by_time, failed, kinematic, without_motion
 from armdyn.optimal.answer.goals import fastest_goal
 from armdyn.optimal.answer.solution import Solution
@@ -24,14 +22,15 @@ from armdyn.optimal.mesh.bang import minimum_time
 from armdyn.optimal.mesh.candidates import SearchResult
 from armdyn.optimal.mesh.constrained import constrained
 from armdyn.optimal.mesh.smooth import time_energy
+from armdyn.optimal.problem.checks import check_pace
 from armdyn.optimal.problem.options import MinimumTimeOptions
 from armdyn.optimal.problem.policy.policy import Method
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
-from armdyn.optimal.problem.status import Status, Stop, stopping
+from armdyn.optimal.problem.status import stopping
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.optimum import Optimum
 from armdyn.optimal.verify.slowing import slowed
-from armdyn.parallel import ForkPool, concurrently, job_pool, one_blas_thread
+from armdyn.parallel import concurrently, one_blas_thread
 
 METHODS: dict[Method, Callable[[Task], tuple[list[Optimum], SearchResult]]] = {
     "profiles": profiles,
@@ -65,13 +64,17 @@ def solve_minimum_time(
         "interrupted".
 
     Raises:
-        ProblemError: problem, options or progress has a wrong type, or a limit is so low that every motion takes more
-            than an hour.
+        ProblemError: problem, options or progress has a wrong type, the method cannot solve the problem, or a limit is
+            so low that every motion takes more than an hour.
+
+    Warns:
+        ArmdynWarning: an option that is set has no effect on the problem.
     """
     expect_problem(problem)
     options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
     started, posed = time.perf_counter(), problem.without_torques() if problem.kinematic else problem
     task = Task.of(posed, options, progress=listener(progress))
+    warn_of_options_without_effect(task)
     solution = solve_task(task, options.time_limit - (time.perf_counter() - started))
     solution = replace(solution, followed=followed_by(task, solution.status))
     return kinematic(problem, solution) if problem.kinematic else solution
@@ -174,145 +177,6 @@ def _bounded(task: Task) -> Iterator[Task]:
     job = partial(least_duration, task.problem, task.stop.__bool__, task.policy.bound)
     with concurrently(job, task.workers, task.stop.__bool__, None) as bound:
         yield replace(task, lower_bound=bound)
-
-
-LONGEST = 3600.0
-"""Largest lower bound on the duration that is accepted [s]; beyond, a limit most likely has a wrong unit."""
-
-
-def check_pace(problem: MinimumTimeProblem) -> None:
-    """Refuse velocity, acceleration or jerk limits so low that the motion takes longer than `LONGEST`.
-
-    Raises:
-        ProblemError: names the limit, the joint, the least duration and a sufficient limit.
-    """
-    none = np.full(problem.robot.nv, np.inf)
-    net = np.abs(problem.poses[-1] - problem.poses[0])
-    limits = {
-        "velocity": (problem.limits.velocity, np.sum(np.abs(np.diff(problem.fixed_poses, axis=0)), axis=0), 1.0),
-        # From rest to rest: acceleration over half the way; with a jerk limit, four ramps of the acceleration.
-        "acceleration": (problem.acceleration_limit, net, 4.0),
-        "jerk": (problem.jerk_limit, net, 32.0),
-    }
-    for order, (name, (limit, way, factor)) in enumerate(limits.items(), start=1):
-        if order > 1 and not problem.from_rest_to_rest:
-            break
-        limit = none if limit is None else np.asarray(limit)
-        least = (factor * way / limit) ** (1 / order)
-        joint = int(np.argmax(least))
-        if least[joint] > LONGEST:
-            unit = "m" if problem.robot.slides[joint] else "rad"
-            per = f"{unit}/s{('', '²', '³')[order - 1]}"
-            raise ProblemError(
-                f"joint {problem.robot.joint_names[joint]!r} has {name} limit {limit[joint]:g} {per}: its way of "
-                f"{way[joint]:.4g} {unit} takes {least[joint]:.3g} s at least, more than {LONGEST:g} s; give "
-                f"`{name}_limit` of {factor * way[joint] / LONGEST**order:.2g} {per} or more"
-            )
-
-
-_LISTEN = 0.25
-"""Interval [s] at which Ctrl-C is polled while workers solve."""
-_ATTEMPTS = 2
-"""Number of workers that may die of one problem, such as for lack of memory, before the problem is given up."""
-
-
-def solve_many(
-    problems: Sequence[MinimumTimeProblem],
-    options: MinimumTimeOptions | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> list[Solution]:
-    """Solve problems in parallel, each as by `solve_minimum_time` alone.
-
-    Every problem has one process; the first is solved in this process before workers are forked, so that they share its
-    compiled programs. A solution does not depend on the number of workers or their order.
-    `MinimumTimeOptions(bound=False)` leaves out the lower bounds, for data sets without proofs.
-
-    Args:
-        problems: problems of one robot or of several.
-        options: options of every solve; `workers` is the number of processes, None: one per core.
-        progress: called with a line of text after every solution.
-
-    Returns:
-        One solution for each problem, in their order. If a solve raised, or its workers died, `status` is "failed"
-        and `message` the reason. After Ctrl-C unfinished problems have the status "interrupted".
-
-    Raises:
-        ProblemError: problems, options or progress has a wrong type.
-    """
-    given = several(problems, "problems")
-    checked = [expect(one, MinimumTimeProblem, f"problems[{k}]") for k, one in enumerate(given)]
-    options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
-    batch = _Batch(checked, replace(options, workers=1), listener(progress))
-    with stopping(np.inf) as stop:
-        batch.solve(0, stop)
-        with job_pool([partial(_solved, one, batch.options) for one in checked], options.workers) as pool:
-            if pool.count and not stop:
-                batch.share(pool, stop)
-            for k in range(len(checked)):  # without workers
-                batch.solve(k, stop)
-    return batch.solutions()
-
-
-class _Batch:
-    """Problems and their solutions so far."""
-
-    def __init__(
-        self, problems: Sequence[MinimumTimeProblem], options: MinimumTimeOptions, progress: Callable[[str], None]
-    ):
-        self.problems, self.options, self._progress = problems, options, progress
-        self._known, self._usable, self._began = dict[int, Solution](), 0, time.monotonic()
-
-    def solve(self, k: int, stop: Stop) -> None:
-        """Solve the problem of index k in this process, unless it is solved, or there is none, or `stop` is set."""
-        if stop or k in self._known or k >= len(self.problems):
-            return
-        solution = _solved(self.problems[k], self.options)
-        if solution.status is Status.INTERRUPTED:  # the solve itself received Ctrl-C
-            stop.interrupt()
-        else:
-            self._add(k, solution)
-
-    def share(self, pool: ForkPool[Solution], stop: Stop) -> None:
-        """Solve the remaining problems by workers."""
-        waiting, deaths = deque(k for k in range(len(self.problems)) if k not in self._known), dict[int, int]()
-        while len(self._known) < len(self.problems) and not stop:
-            while pool.idle and waiting:
-                pool.submit(waiting[0], waiting.popleft())
-            for k, _, result in pool.finished(_LISTEN):
-                if result is not None and result[0].status is not Status.INTERRUPTED:
-                    own, solved = self.problems[k], result[0].problem  # for a goal pose, its chosen branch
-                    self._add(k, replace(result[0], problem=own if len(own.goals) == 1 else solved))
-                    continue
-                deaths[k] = deaths.get(k, 0) + (result is None)
-                if deaths[k] < _ATTEMPTS:
-                    waiting.append(k)
-                else:
-                    self._add(k, without_motion(self.problems[k], Status.FAILED, "its worker died, twice"))
-
-    def solutions(self) -> list[Solution]:
-        """Solutions of all problems; "interrupted" for missing ones."""
-        missing = "interrupted before it was solved"
-        return [
-            self._known.get(k) or without_motion(problem, Status.INTERRUPTED, missing)
-            for k, problem in enumerate(self.problems)
-        ]
-
-    def _add(self, k: int, solution: Solution) -> None:
-        self._known[k] = solution
-        self._usable += solution.usable
-        done, count = len(self._known), len(self.problems)
-        left = (time.monotonic() - self._began) / done * (count - done)
-        self._progress(
-            f"{done} of {count} solved, {self._usable} usable" + (f"; about {left:.0f} s left" if left >= 1 else "")
-        )
-
-
-def _solved(problem: MinimumTimeProblem, options: MinimumTimeOptions) -> Solution:
-    """The solution of one problem; an exception becomes its status."""
-    try:
-        return solve_minimum_time(problem, options)
-    except Exception as error:  # reported by its solution; the other problems are solved
-        return without_motion(problem, Status.FAILED, f"{type(error).__name__}: {error}")
 
 
 def _without_obstacles(task: Task) -> Task | None:

@@ -26,7 +26,7 @@ from armdyn.optimal.problem.robot_tables import robot_from
 from armdyn.parsing.toml import Table, read_toml
 
 TABLES = ("robot", "problem", "options")
-OPTIONS = ("search", "starts", "time_limit", "max_intervals", "seed", "calm")
+OPTIONS = ("method", "search", "starts", "time_limit", "max_intervals", "seed", "calm")
 PROBLEM = tuple(field.name for field in fields(MinimumTimeProblem) if field.init and field.name != "robot")
 """Keys of [problem]; those of [robot] are `problem.robot_tables.KEYS`."""
 GOAL_POSE = ("frame", "position", "quaternion", "rpy", "free", "tolerance")

@@ -20,7 +20,7 @@ from armdyn.cli.options.joints import carried_facts, carried_words, friction_fac
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.task import ProblemOptions
 from armdyn.errors import ProblemError
-from armdyn.optimal.problem.search_level import SearchLevel
+from armdyn.optimal.problem.choices import MethodName, SearchLevel
 
 _CHEAP = 2.0
 """Time of a solve [s] below which the motion is solved again for the saving by more of the first deciding limit, some
@@ -47,6 +47,12 @@ class ToMinimumTimeOptions:
 class SolverOptions(ToMinimumTimeOptions):
     """Extent of the search; see `MinimumTimeOptions`."""
 
+    method: MethodName | None = option(
+        "NAME",
+        "mesh: collocation, exact where torques decide, for few joints and joints without a motor; curves: B-splines, "
+        "for many joints, where speeds decide, and among obstacles; profiles: every joint's own fastest profile, where "
+        "limits of acceleration or jerk decide. By default chosen by the problem.",
+    )
     search: SearchLevel = option(
         "HOW",
         "Extent of the search: normal, quick (a third of it), or thorough, which takes five times as long and "

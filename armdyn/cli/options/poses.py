@@ -158,7 +158,7 @@ class GoalOptions(PoseOptions):
             raise ProblemError("--q-goal and --goal-pose both say where to: give one of them")
         if self.goal_pose is None and (self.goal_free or self.goal_tolerance):
             raise ProblemError("--goal-free and --goal-tolerance belong to --goal-pose, which is not given")
-        from armdyn.optimal.problem.turns import endless
+        from armdyn.optimal.problem.poses import endless
 
         if self.wrap and not endless(robot, robot.limits).any():
             raise ProblemError(

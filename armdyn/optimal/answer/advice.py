@@ -3,14 +3,15 @@
 Names in backticks are arguments of `MinimumTimeProblem` and `MinimumTimeOptions`, and options of the command line.
 """
 
+import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
 
+from armdyn.errors import ArmdynWarning
 from armdyn.optimal.constraints.constraint import ConstraintReport
 from armdyn.optimal.problem.options import MinimumTimeOptions
-from armdyn.optimal.problem.policy.policy import Policy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.task import Task
@@ -90,42 +91,62 @@ def advice(
 
 
 def followed_by(task: Task, status: Status) -> tuple[str, ...]:
-    """Options of a task that are above their defaults, and the time limit if it did not end the search.
+    """Options of a task that are not advised: raised already, or without effect, as a time limit that was not reached.
 
     Args:
         task: problem and options as given.
         status: of its solution.
     """
-    policy, options = task.policy, task.options
+    unreached = () if status is Status.TIME_LIMIT else ("time_limit",)
+    return tuple(dict.fromkeys((*_raised(task), *unreached, *_without_effect(task))))
+
+
+def warn_of_options_without_effect(task: Task) -> None:
+    """Warn of options that are set, and have no effect on the task's problem."""
+    raised = _raised(task)
+    for name, why in _without_effect(task).items():
+        if name in raised:
+            warnings.warn(f"`{name}` has no effect here: {why}", ArmdynWarning, stacklevel=3)
+
+
+def _raised(task: Task) -> tuple[str, ...]:
+    """Options of a task that are above their defaults."""
+    policy, options, usual = task.policy, task.options, MinimumTimeOptions()
     own = (
         policy.curves if policy.strategy.curves_alone else policy.smooth if task.problem.pays_effort else policy.search
     )
     raised = {
         "search": options.search == "thorough",
         "starts": (options.starts or 0) > own.starts,
-        "time_limit": status is not Status.TIME_LIMIT,
-        "max_intervals": options.max_intervals > MinimumTimeOptions().max_intervals,
+        "max_intervals": options.max_intervals > usual.max_intervals,
+        "calm": options.calm > usual.calm,
+        "bound_programs": options.bound_programs is not None,
     }
     return tuple(name for name, chosen in raised.items() if chosen)
 
 
+def _without_effect(task: Task) -> dict[str, str]:
+    """Options without effect on a task's problem, and why."""
+    problem, methods = task.problem, task.policy.strategy.methods
+    useless = {"bound_programs": "it is of cycles"}
+    if methods == ("profiles",):
+        return useless | dict.fromkeys(("search", "starts", "max_intervals", "calm"), "joints have one profile each")
+    if "curves" not in methods:
+        return useless | {"calm": "motions of a mesh are as fast as can be"}
+    if task.policy.strategy.curves_alone:
+        useless["max_intervals"] = "motions are curves, which have no mesh"
+        if problem.has_clearance or problem.has_regions or (len(problem.poses) > 2 and problem.jerk_limit is None):
+            useless |= dict.fromkeys(("search", "starts"), "paths are planned, and are the guesses")
+    return useless
+
+
 def _remedy(problem: MinimumTimeProblem, followed: Sequence[str], *options: str, otherwise: str = "") -> str:
     """What to try, after a colon: options of some that have an effect and were not followed, or something else."""
-    useless = _without_effect(problem)
-    *first, last = [_WAYS[name] for name in options if name not in (*followed, *useless)] or [""]
+    given = {"clearance": problem.clearance == 0, "armature": bool(np.any(problem.robot.model.armature))}
+    *first, last = [_WAYS[name] for name in options if name not in followed and not given.get(name)] or [""]
     ways = last and f"try {', '.join(first)}{' or ' if first else ''}{last}"
     said = ", or ".join(filter(None, (ways, otherwise)))
     return said and f": {said}"
-
-
-def _without_effect(problem: MinimumTimeProblem) -> tuple[str, ...]:
-    """Options without effect: curves have no meshes, and no guesses where paths are planned."""
-    given = (("clearance", problem.clearance == 0), ("armature", bool(np.any(problem.robot.model.armature))))
-    useless = tuple(name for name, there in given if there)
-    if not Policy.of(problem).strategy.curves_alone:
-        return useless
-    planned = problem.has_clearance or problem.has_regions or (len(problem.poses) > 2 and problem.jerk_limit is None)
-    return (*useless, "max_intervals", *(("starts", "search") if planned else ()))
 
 
 def _not_slowed(problem: MinimumTimeProblem) -> str:

@@ -6,8 +6,8 @@ import numpy as np
 
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.answer.words import assessment, checks, decided_words, verdict
+from armdyn.optimal.problem.poses import endless
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.turns import endless
 from armdyn.reprs import joint_unit, more_payload, short_time
 
 

@@ -14,9 +14,9 @@ from armdyn.optimal.bound.enclosure import Affine, terms_over
 from armdyn.optimal.bound.interval import Interval, down, joined, rounding
 from armdyn.optimal.bound.linear_program import marginals_in_boxes
 from armdyn.optimal.constraints.registry import path_constraints_of
+from armdyn.optimal.problem.planning_limits import Profiles
 from armdyn.optimal.problem.policy.bound import BoundPolicy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.problem.profile import Profiles
 
 _CONVERGED = 1e-9
 """Tolerance of the best combination of an end's equations, relative to the largest weight."""

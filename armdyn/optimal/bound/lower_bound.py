@@ -22,8 +22,8 @@ from armdyn.optimal.bound.lattice import Region
 from armdyn.optimal.bound.leg import BoundLeg, legs_of
 from armdyn.optimal.bound.leg_bound import leg_bound
 from armdyn.optimal.problem.policy.bound import BoundPolicy
+from armdyn.optimal.problem.poses import MOST_GOALS, endless
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
-from armdyn.optimal.problem.turns import MOST_GOALS, endless
 from armdyn.reprs import brief
 
 

@@ -17,7 +17,7 @@ from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.models.scene.collision import Clearance, CollisionModel
 from armdyn.optimal.constraints.rows import RowValues, StageRows
-from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
+from armdyn.optimal.problem.planning_limits import PathConstraintSpec
 from armdyn.optimal.problem.policy.landing import PathConstraintPolicy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation

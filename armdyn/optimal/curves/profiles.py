@@ -17,8 +17,8 @@ from armdyn.optimal.curves.excess import excesses_of, worst_excess
 from armdyn.optimal.curves.nlp_data import rate_limits
 from armdyn.optimal.curves.sampling import forced_snap
 from armdyn.optimal.mesh.candidates import SearchResult
+from armdyn.optimal.problem.planning_limits import Profiles
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.problem.profile import Profiles
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import ON_CURVE
 from armdyn.optimal.verify.follow import follow

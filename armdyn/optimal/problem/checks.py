@@ -15,8 +15,7 @@ from armdyn.models.reading.holding import hardest_poses
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.collision import DEEPEST, Clearance, CollisionModel
 from armdyn.models.values.joint_limits import JointLimits
-from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
-from armdyn.optimal.problem.planning_limits import reserve_words
+from armdyn.optimal.problem.planning_limits import PathConstraintSpec, reserve_words
 from armdyn.reprs import joint_unit
 
 _TYPED = 1e-9
@@ -31,6 +30,9 @@ _ROUNDING = 1e-9
 LEAST_WAY = 1e-6
 """Least way of some joint [rad or m] that is a motion: the end of a motion is certified to as much, a hundredth of the
 resolution of good encoders."""
+
+LONGEST = 3600.0
+"""Largest lower bound on the duration that is accepted [s]; beyond, a limit most likely has a wrong unit."""
 
 SLOWEST = 1e-9
 """Smallest velocity limit that is accepted [rad/s or m/s]: one turn in two hundred years."""
@@ -213,6 +215,36 @@ def _needed(model: CollisionModel, contact: Clearance, clearance: float) -> str:
     if (contact.body, contact.other) in [model.pairs[k] for k in model.touching]:
         return f"end_contacts may overlap by {1e3 * DEEPEST:g} mm at most"
     return f"clearance is {1e3 * clearance:g} mm"
+
+
+def check_pace(problem: Any) -> None:
+    """Refuse velocity, acceleration or jerk limits so low that the motion takes longer than `LONGEST`.
+
+    Raises:
+        ProblemError: names the limit, the joint, the least duration and a sufficient limit.
+    """
+    none = np.full(problem.robot.nv, np.inf)
+    net = np.abs(problem.poses[-1] - problem.poses[0])
+    limits = {
+        "velocity": (problem.limits.velocity, np.sum(np.abs(np.diff(problem.fixed_poses, axis=0)), axis=0), 1.0),
+        # From rest to rest: acceleration over half the way; with a jerk limit, four ramps of the acceleration.
+        "acceleration": (problem.acceleration_limit, net, 4.0),
+        "jerk": (problem.jerk_limit, net, 32.0),
+    }
+    for order, (name, (limit, way, factor)) in enumerate(limits.items(), start=1):
+        if order > 1 and not problem.from_rest_to_rest:
+            break
+        limit = none if limit is None else np.asarray(limit)
+        least = (factor * way / limit) ** (1 / order)
+        joint = int(np.argmax(least))
+        if least[joint] > LONGEST:
+            unit = "m" if problem.robot.slides[joint] else "rad"
+            per = f"{unit}/s{('', '²', '³')[order - 1]}"
+            raise ProblemError(
+                f"joint {problem.robot.joint_names[joint]!r} has {name} limit {limit[joint]:g} {per}: its way of "
+                f"{way[joint]:.4g} {unit} takes {least[joint]:.3g} s at least, more than {LONGEST:g} s; give "
+                f"`{name}_limit` of {factor * way[joint] / LONGEST**order:.2g} {per} or more"
+            )
 
 
 @dataclass(frozen=True)

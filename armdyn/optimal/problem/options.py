@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from armdyn.arguments import Checked, checked, each, expect, flag, number, one_of, whole
-from armdyn.optimal.problem.search_level import SEARCH_LEVELS, SearchLevel
+from armdyn.optimal.problem.choices import METHOD_NAMES, SEARCH_LEVELS, MethodName, SearchLevel
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 
@@ -66,7 +66,13 @@ class MinimumTimeOptions(Checked):
 
     An attribute that is None is decided by the problem's policy; `armdyn doctor ROBOT --policy` shows it with reasons.
 
+    One that has no effect on the problem at hand is warned of.
+
     Attributes:
+        method: "mesh": collocation of the equations of motion, exact where torques decide, for arms of few joints and
+            for joints without a motor; "curves": B-splines with torques by inverse dynamics, for many joints, where
+            speeds decide, and among obstacles; "profiles": every joint's own fastest profile, the optimum where limits
+            of acceleration or jerk decide. None: by the class of the problem, which may try several.
         guesses: motions of the same joints as additional initial guesses, such as optima of similar problems.
         search: level of the search: "quick" solves a third of the guesses, "thorough" five times as many, without
             ending early, and refines three times as many optima (docs/search.md); likewise for curves, and where effort
@@ -93,6 +99,7 @@ class MinimumTimeOptions(Checked):
             solve concurrently: IPOPT is locked, and each thread gets the answer that it would get alone.
     """
 
+    method: MethodName | None = checked(one_of, None, known=METHOD_NAMES)
     guesses: tuple[Trajectory, ...] = checked(each, (), of=expect, kind=Trajectory)
     search: SearchLevel = checked(one_of, "normal", known=SEARCH_LEVELS)
     starts: int | None = checked(whole, None, least=1, most=MAX_STARTS)

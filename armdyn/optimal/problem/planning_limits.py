@@ -1,8 +1,12 @@
-"""Limits of a planned motion: the robot's or given ones, less the reserves for feedback."""
+"""What a planned motion keeps: limits less the reserves for feedback, and path constraints; its fastest profiles.
+
+Profiles have seven phases: the acceleration rises, stays and falls, the joint cruises, and the same is reversed
+(Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008, section 3.4).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -166,3 +170,105 @@ def _parts(value: ArrayLike, joints: Sequence[str], name: str) -> Array:
             )
     parts.setflags(write=False)
     return parts
+
+
+@dataclass(frozen=True, eq=False)
+class Profiles:
+    """Durations of the phases of every joint's fastest profile [s], of the ways' shape; zero at joints that stay.
+
+    Attributes:
+        rising: duration of each phase in which the acceleration changes.
+        steady: duration of each phase of largest acceleration.
+        cruising: duration of the phase of largest velocity.
+    """
+
+    rising: Array
+    steady: Array
+    cruising: Array
+
+    @classmethod
+    def of(cls, way: Array, velocity: Array, acceleration: Array, jerk: Array) -> Self:
+        """Profiles of joints that move alone, with zero acceleration at both ends where the jerk is limited.
+
+        Args:
+            way: distances [rad or m], shape (…, nv), not negative.
+            velocity: velocity limits [rad/s or m/s], shape (nv,); these and the others may be infinite.
+            acceleration: acceleration limits [rad/s² or m/s²], shape (nv,).
+            jerk: jerk limits [rad/s³ or m/s³], shape (nv,).
+        """
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            rising = np.nan_to_num(acceleration / jerk, nan=np.inf)  # to the largest acceleration
+            full = velocity > acceleration * rising  # the acceleration limit is reached before the velocity limit
+            fast = (
+                np.where(full, rising, np.sqrt(velocity / jerk)),
+                np.where(full, velocity / acceleration - rising, 0.0),
+            )
+            cruising = way / velocity - 2 * fast[0] - fast[1]
+            half = (rising + np.sqrt(rising**2 + 4 * way / acceleration)) / 2
+            reached = way > 2 * acceleration * rising**2
+            short = np.where(reached, rising, np.cbrt(way / jerk / 2)), np.where(reached, half - 2 * rising, 0.0)
+            pairs = zip((*fast, cruising), (*short, np.zeros_like(cruising)), strict=True)
+            phases = [np.where(cruising >= 0, long, brief) for long, brief in pairs]
+        return cls(*(np.where(way > 0, np.nan_to_num(each, nan=0.0, posinf=0.0), 0.0) for each in phases))
+
+    @property
+    def durations(self) -> Array:
+        """Durations of the whole profiles [s], shape (…, nv)."""
+        return 4 * self.rising + 2 * self.steady + self.cruising
+
+    @property
+    def phases(self) -> Array:
+        """Durations of the seven phases [s], shape (7, …, nv)."""
+        rising, steady = self.rising, self.steady
+        return np.array([rising, steady, rising, self.cruising, rising, steady, rising])
+
+
+class PathConstraintSpec:
+    """Element of `MinimumTimeProblem.path_constraints`; new constraints derive from `PathConstraint`.
+
+    Attributes:
+        name: plural, for messages: "torque-rate limits".
+        continuous_torque: whether the torque must be continuous, hence linear between knots.
+        of_torques: whether the constraint is about torques, so that a kinematic problem cannot have it.
+        curves_alone: whether only curves, not meshes, can satisfy the constraint.
+    """
+
+    name: ClassVar[str]
+    continuous_torque: ClassVar[bool] = False
+    of_torques: ClassVar[bool] = False
+    curves_alone: ClassVar[bool] = False
+
+    def option_text(self) -> str:
+        """Text of the constraint for --limit and problem files, such as "tip-speed=0.25@tool0".
+
+        Raises:
+            ProblemError: the constraint has no text.
+        """
+        raise ProblemError(f"{self!r} has no text for --limit or a problem file: implement option_text")
+
+    def entry(self) -> str | dict[str, Any]:
+        """Entry of the constraint in a problem file: the text of `option_text`, or a table of values."""
+        return self.option_text()
+
+    def fits(self, problem: Any) -> None:
+        """Check the constraint against a whole problem, once its poses are known.
+
+        Args:
+            problem: a `MinimumTimeProblem`.
+
+        Raises:
+            ProblemError: the constraint cannot hold in the problem.
+        """
+
+    def on(self, robot: Robot, start: Array, goal: Array) -> Self:
+        """Bind the constraint to an arm; check it against the arm and the motion's ends.
+
+        Args:
+            robot: the arm.
+            start: its state (q, v), shape (2 nv,).
+            goal: goal state (q, v), shape (2 nv,).
+
+        Raises:
+            ProblemError: the constraint does not fit; the message names argument, joint or frame, value and remedy.
+        """
+        return self

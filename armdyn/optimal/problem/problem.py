@@ -41,11 +41,15 @@ from armdyn.optimal.problem.checks import (
     holding_deficits,
     warn_if_not_held,
 )
-from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
-from armdyn.optimal.problem.planning_limits import Reserve, limits_under, rate_limit, resolved_limits
+from armdyn.optimal.problem.planning_limits import (
+    PathConstraintSpec,
+    Reserve,
+    limits_under,
+    rate_limit,
+    resolved_limits,
+)
+from armdyn.optimal.problem.poses import Via, check_via_regions, endless, goals_with_turns, via_positions
 from armdyn.optimal.problem.robot_tables import robot_table
-from armdyn.optimal.problem.turns import endless, goals_with_turns
-from armdyn.optimal.problem.via_regions import Via, check_via_regions, via_positions
 from armdyn.parsing.toml import MAX_BYTES, to_toml
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called, several_numbers

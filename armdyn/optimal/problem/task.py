@@ -9,7 +9,7 @@ from armdyn.codegen.deadline import NoTimeError, until
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ProblemError
 from armdyn.optimal.problem.options import MinimumTimeOptions, SolverSettings
-from armdyn.optimal.problem.policy import Policy
+from armdyn.optimal.problem.policy.policy import Policy, named_methods
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Stop
 from armdyn.optimal.problem.tableau import Scheme
@@ -72,9 +72,12 @@ class Task:
             progress: called with progress messages; by default they are ignored.
 
         Raises:
-            ProblemError: a guess in the options has a different number of joints.
+            ProblemError: a guess in the options has a different number of joints, or the method cannot solve the
+                problem.
         """
         options, policy = options or MinimumTimeOptions(), Policy.of(problem)
+        if options.method is not None:
+            policy = policy.changed("strategy", methods=named_methods(problem, options.method), fallback=())
         for k, guess in enumerate(options.guesses):
             if guess.q.shape[1] != problem.robot.nv:
                 name, joints = problem.robot.name, problem.robot.nv

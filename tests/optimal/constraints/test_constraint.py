@@ -13,7 +13,7 @@ from armdyn.errors import ProblemError
 from armdyn.optimal.constraints.constraint import ConstraintReport, PathConstraint
 from armdyn.optimal.constraints.registry import options, path_constraint_named, path_constraints_of
 from armdyn.optimal.constraints.rows import RowValues, StageRows
-from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
+from armdyn.optimal.problem.planning_limits import PathConstraintSpec
 from problems import POSES, paper_arm, solve
 
 START, GOAL = POSES["rr"]
@@ -38,7 +38,7 @@ def test_the_guide_s_example_works():
     motion = limited.trajectory
     # The mesh keeps it at its stages; the example's own tolerance between them is 1 %.
     assert np.max(np.abs(motion.tau * motion.v)) == pytest.approx(20.0, rel=0.01)
-    assert limited.duration > solve(rr(), starts=2, arcs=False).duration
+    assert limited.duration > solve(rr(), starts=2).duration
     assert "power limits" in limited.problem.path_constraint_names
 
 

@@ -6,7 +6,7 @@ import ruckig
 
 import armdyn as ad
 from armdyn.optimal.curves.profiles import profiles, synchronous
-from armdyn.optimal.problem.profile import Profiles
+from armdyn.optimal.problem.planning_limits import Profiles
 from armdyn.optimal.problem.task import Task
 from problems import POSES, paper_arm, solve
 

@@ -7,6 +7,8 @@ from typing import ClassVar, Literal, Self
 import numpy as np
 
 from armdyn.dynamics.numeric import joint_inertia
+from armdyn.errors import ProblemError
+from armdyn.optimal.problem.choices import MethodName
 from armdyn.optimal.problem.options import MinimumTimeOptions
 from armdyn.optimal.problem.policy.bound import BoundPolicy
 from armdyn.optimal.problem.policy.curves import TRAINED, CurvePolicy, SequentialPolicy
@@ -192,16 +194,48 @@ class Policy:
 def _strategy(problem: MinimumTimeProblem, motors: bool, speed_limited: bool) -> StrategyPolicy:
     """Refinement methods for a class of problems."""
     alone = motors and (problem.robot.nv > 3 or problem.relative_effort_weight > 0 or problem.has_regions)
-    constrained = bool(set(problem.path_constraint_names) - {"obstacles", "self-collision"})
-    own: Method = "mesh" if constrained else "time-energy" if problem.pays_effort else "arcs"
-    free = motors and not (constrained or problem.pays_effort)
-    first: tuple[Method, ...] = ("curves",) if alone else ("curves",) if speed_limited and free else ()
+    own = _of_mesh(problem)
+    first: tuple[Method, ...] = ("curves",) if alone or (speed_limited and motors and own == "arcs") else ()
     profiled: tuple[Method, ...] = ("profiles",) if motors and _has_profiles(problem) else ()
     return StrategyPolicy(
         methods=(*profiled, *(first if alone else (*first, own))),
         fallback=("curves",) if motors and not alone else (),
         bounded=bool(speed_limited or profiled) and not problem.pays_effort,
     )
+
+
+def _of_mesh(problem: MinimumTimeProblem) -> Method:
+    """The method of meshes for a problem."""
+    if set(problem.path_constraint_names) - {"obstacles", "self-collision"}:
+        return "mesh"
+    return "time-energy" if problem.pays_effort else "arcs"
+
+
+def named_methods(problem: MinimumTimeProblem, name: MethodName) -> tuple[Method, ...]:
+    """Refinement methods by the name of `MinimumTimeOptions.method`.
+
+    Raises:
+        ProblemError: the method cannot solve the problem.
+    """
+    motors = dict(zip(problem.robot.joint_names, ~problem.limits.passive, strict=True))
+    idle = next((joint for joint, motor in motors.items() if not motor), None)
+    inverse = f"joint {idle!r} has no motor, and torques by inverse dynamics need one at every joint"
+    faults: dict[MethodName, dict[str, bool]] = {
+        "mesh": {
+            "it does not avoid obstacles, nor the arm itself": problem.has_clearance,
+            "frames do not pass regions on it": problem.has_regions,
+            "it has no `relative_effort_weight`": problem.relative_effort_weight > 0,
+        },
+        "curves": {inverse: idle is not None},
+        "profiles": {
+            inverse: idle is not None,
+            "every joint needs `acceleration_limit` or `jerk_limit`, and the motion goes from rest to rest, without "
+            "via points, regions or a weight on effort": not _has_profiles(problem),
+        },
+    }
+    if found := [why for why, holds in faults[name].items() if holds]:
+        raise ProblemError(f"`method` {name} cannot solve this: {found[0]}; without `method` another is chosen")
+    return (_of_mesh(problem) if name == "mesh" else name,)
 
 
 def _has_profiles(problem: MinimumTimeProblem) -> bool:

@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 import armdyn as ad
+from armdyn.errors import ProblemError
 from armdyn.optimal.problem.policy import Policy
+from armdyn.optimal.problem.policy.policy import named_methods
 from armdyn.optimal.problem.policy.tuned import rows
 from armdyn.optimal.problem.tableau import Scheme
+from armdyn.optimal.problem.task import Task
 from problems import paper_problem
 
 UR5 = {"q_start": [0, -1, 1, -1, -1.5, 0], "q_goal": [-1.5, -1.8, 1.6, -0.4, 0.3, 1.0]}
@@ -128,3 +131,40 @@ def test_effort_scales_all_guesses(effort, guesses, optima):
     assert (search.guesses(options, 24), search.refinements(options, 6)) == (guesses, optima)
     settings = ad.MinimumTimeOptions(search=effort, starts=3)
     assert (search.guesses(settings, 24), search.refinements(settings, 6)) == (3, optima)
+
+
+@pytest.mark.parametrize(
+    ("method", "more", "why"),
+    [
+        ("mesh", {"obstacles": [BALL]}, "`method` mesh cannot solve this: it does not avoid obstacles"),
+        ("mesh", {"self_collision": True}, "nor the arm itself"),
+        ("mesh", {"relative_effort_weight": 1.0}, "no `relative_effort_weight`"),
+        ("mesh", {"via": [ad.GoalPose("tip", (0.3, 0.0, -0.1), tolerance=(0.02, 0, 0.02, 0, 0, 0))]}, "regions on it"),
+        ("curves", {"passive": ["joint2"], "q_goal": [0.1, -0.1]}, "joint 'joint2' has no motor"),
+        ("profiles", {}, "needs `acceleration_limit` or `jerk_limit`"),
+        ("profiles", {"acceleration_limit": 5.0, "v_goal": [0.1, 0.0]}, "from rest to rest"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::armdyn.ArmdynWarning")
+def test_a_method_that_cannot_solve_the_problem_is_refused(method, more, why):
+    with pytest.raises(ProblemError, match=why):
+        named_methods(paper_problem("rr").variant(**more), method)
+
+
+@pytest.mark.parametrize(
+    ("method", "more", "own"),
+    [
+        ("mesh", {}, ("arcs",)),
+        ("mesh", {"velocity_limit": 5.0}, ("arcs",)),  # chosen by the problem, curves come first
+        ("mesh", {"effort_weight": 1.0}, ("time-energy",)),
+        ("mesh", {"jerk_limit": 1e4}, ("mesh",)),
+        ("curves", {"jerk_limit": 1e4}, ("curves",)),
+        ("profiles", {"jerk_limit": 1e4}, ("profiles",)),
+    ],
+)
+def test_a_named_method_is_the_only_one(method, more, own):
+    problem = paper_problem("rr").variant(**more)
+    task = Task.of(problem, ad.MinimumTimeOptions(method=method))
+    assert task.policy.strategy.methods == own and task.policy.strategy.fallback == ()
+    other = task.for_problem(problem.variant(q_goal=[0.2, 0.1]))
+    assert other.policy.strategy.methods == own  # of all goals, and without obstacles
