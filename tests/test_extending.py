@@ -20,9 +20,8 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ProblemError, TrajectoryError
 from armdyn.models.scene.collision import collision_model
 from armdyn.models.scene.obstacles import SHAPES, obstacle_entry
-from armdyn.optimal.constraints.frame_limits import FrameSpeedLimit
-from armdyn.optimal.constraints.registry import path_constraints_of
-from armdyn.optimal.constraints.tightened import TightenedConstraints
+from armdyn.optimal.constraints.rate_limits import FrameSpeedLimit
+from armdyn.optimal.constraints.registry import TightenedConstraints, path_constraints_of
 from armdyn.optimal.mesh.interval import CollocationInterval
 from armdyn.optimal.mesh.starts import spline
 from armdyn.optimal.problem.task import Task

@@ -15,7 +15,8 @@ from armdyn.errors import CycleError, ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import REACHED, GoalPose, deviations_of, frame_placement
-from armdyn.optimal.constraints.frame_limits import FrameRegion, FrameSpeedLimit
+from armdyn.optimal.constraints.rate_limits import FrameSpeedLimit
+from armdyn.optimal.constraints.regions import FrameRegion
 from armdyn.optimal.problem.policy.search import CyclePolicy
 from armdyn.optimal.problem.poses import check_via_regions, via_positions
 from armdyn.optimal.problem.problem import MinimumTimeProblem

@@ -1,8 +1,8 @@
 from armdyn.optimal.answer.solution import Solution as Solution
 from armdyn.optimal.bound.lower_bound import LowerBound as LowerBound
 from armdyn.optimal.bound.lower_bound import lower_bound as lower_bound
-from armdyn.optimal.constraints.frame_limits import FrameRegion as FrameRegion
-from armdyn.optimal.constraints.frame_limits import FrameSpeedLimit as FrameSpeedLimit
+from armdyn.optimal.constraints.rate_limits import FrameSpeedLimit as FrameSpeedLimit
+from armdyn.optimal.constraints.regions import FrameRegion as FrameRegion
 from armdyn.optimal.constraints.torque_limits import RmsTorque as RmsTorque
 from armdyn.optimal.constraints.torque_limits import TorqueRateLimit as TorqueRateLimit
 from armdyn.optimal.curves.planned_paths import plan_path as plan_path

@@ -15,7 +15,7 @@ from armdyn.optimal.answer.assembly import assembled, ended_by_time, failed, kin
 from armdyn.optimal.answer.goals import fastest_goal
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.bound.lower_bound import least_duration
-from armdyn.optimal.constraints.tightened import TightenedConstraints
+from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.curves import curves, rough_motions
 from armdyn.optimal.curves.profiles import profiles
 from armdyn.optimal.mesh.bang import minimum_time

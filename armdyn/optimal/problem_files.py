@@ -18,7 +18,7 @@ from armdyn.models.scene.reaching import GoalPose
 from armdyn.models.scene.scenes import load_scene
 from armdyn.models.values.placement import pose_of
 from armdyn.optimal.constraints.constraint import PathConstraint
-from armdyn.optimal.constraints.frame_limits import FrameRegion
+from armdyn.optimal.constraints.regions import FrameRegion
 from armdyn.optimal.constraints.registry import path_constraint_from
 from armdyn.optimal.problem.options import MinimumTimeOptions
 from armdyn.optimal.problem.problem import MinimumTimeProblem

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from armdyn.arguments import expect, numbers, whole
 from armdyn.arrays import Array, Index
 from armdyn.errors import ProblemError
-from armdyn.optimal.constraints.tightened import TightenedConstraints
+from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.basis import Basis
 from armdyn.optimal.curves.curve import Curve, CurveLeg
 from armdyn.optimal.curves.nlp_data import CurveSpec, assemble_curve, curve_layout, rows_of

@@ -26,7 +26,7 @@ from armdyn.optimal.bound.leg import BoundLeg, legs_of
 from armdyn.optimal.bound.leg_bound import Passage
 from armdyn.optimal.bound.reach import least_time
 from armdyn.optimal.bound.region import BoundRegion
-from armdyn.optimal.constraints.frame_limits import FrameRegion
+from armdyn.optimal.constraints.regions import FrameRegion
 from armdyn.optimal.constraints.registry import path_constraints_of
 from armdyn.optimal.problem.policy.bound import BoundPolicy
 from armdyn.optimal.problem.problem import MinimumTimeProblem

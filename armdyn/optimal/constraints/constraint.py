@@ -1,4 +1,4 @@
-"""Base class of path constraints.
+"""Base classes of path constraints, and reports on motions.
 
 The program satisfies a constraint at the points of a mesh (`rows`, `values`), the replay is checked everywhere
 (`check`), and an excess between the points tightens the constraint (`tightened`).
@@ -7,6 +7,7 @@ The program satisfies a constraint at the points of a mesh (`rows`, `values`), t
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
@@ -55,6 +56,39 @@ class ConstraintReport:
         if not self.reasons:
             return 1.0
         return self.share ** (1 / self.order) if self.order and self.share else np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class ConstraintReports:
+    """Reports on a replay, one per path constraint.
+
+    Attributes:
+        each: report of every path constraint.
+    """
+
+    each: tuple[ConstraintReport, ...] = ()
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Violated constraints, in words."""
+        return tuple(reason for report in self.each for reason in report.reasons)
+
+    @property
+    def slowing(self) -> float:
+        """Factor on the duration that satisfies all on the same path; 1 if all are satisfied, inf if none does."""
+        return max((report.slowing for report in self.each), default=1.0)
+
+    @property
+    def worst(self) -> Violation | None:
+        """Largest violation; None without any."""
+        found = [report.worst for report in self.each if report.worst is not None]
+        return max(found, key=lambda worst: worst.value, default=None)
+
+    @property
+    def clearance(self) -> Clearance | None:
+        """Smallest clearance; None without obstacles."""
+        found = [report.clearance for report in self.each if report.clearance is not None]
+        return min(found, key=lambda clearance: clearance.distance, default=None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,6 +217,32 @@ class PathConstraint(PathConstraintSpec, ABC):
             return ConstraintReport(name, words, share, order=order)
         return ConstraintReport(name, words, share, (reason,), Violation(*worst, share - 1), order=order)
 
+    def report_of_joints(
+        self,
+        problem: MinimumTimeProblem,
+        used: Array,
+        t: Array,
+        words: Callable[[int, int], str],
+        limit: str,
+        order: int = 1,
+    ) -> ConstraintReport:
+        """Report on the joint and sample at which most of a limit is used.
+
+        Args:
+            problem: the problem.
+            used: values over their limits, shape (samples, nv).
+            t: times of the samples [s], shape (samples,).
+            words: the value of a sample and a joint in words, with units.
+            limit: name of the limit.
+            order: see `ConstraintReport`.
+        """
+        k, i = np.unravel_index(np.argmax(used), used.shape)
+        share, joint, when = float(used[k, i]), problem.robot.joint_names[i], float(t[k])
+        at = f"at t = {when:.4g} s"
+        reason = f"joint {joint!r} exceeds its {limit} by {100 * (share - 1):.2g} % {at}"
+        said = f"{words(int(k), int(i))}, by {joint!r} {at}"
+        return self.report(share, said, reason, (limit, joint, when), order=order)
+
     @abstractmethod
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """Check a motion along its whole duration, independently of the collocation.
@@ -204,3 +264,26 @@ class PathConstraint(PathConstraintSpec, ABC):
     def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
         """Shortest duration [s] of an initial guess along a path; 0: no constraint."""
         return 0.0
+
+
+@dataclass(frozen=True)
+class PartialLimit(PathConstraint):
+    """Limit of a rate; the program satisfies a part of it, so that the replay satisfies the whole between the points.
+
+    Attributes:
+        part: part of the limit in the program, lowered by `tightened`.
+    """
+
+    part: float = field(default=1.0, kw_only=True)
+
+    def tightened(self, problem: MinimumTimeProblem, report: ConstraintReport) -> Self:
+        """Lower the limit by the replay's excess; raise it again if the replay stays below."""
+        spare = self.policy.rate_tightening if report.reasons else 0.0
+        part = (1 - spare) * self.part / max(float(report.share or 1), 1e-6)
+        fitting = float(np.clip(part, self.policy.least_part, 1))
+        changed = fitting != self.part and (report.reasons or fitting > self.part)
+        return replace(self, part=fitting) if changed else self
+
+    def on_finer_mesh(self) -> Self:
+        """Restore the whole limit: on a mesh twice as fine the excess between the points is much smaller."""
+        return replace(self, part=1.0)

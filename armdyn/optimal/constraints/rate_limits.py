@@ -1,18 +1,21 @@
-"""Limits of joints' rates: accelerations, jerks, and velocities that fall towards the ends of the joints' ranges."""
+"""Limits of rates: of joints, also by their positions, and the speed of a frame."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import casadi as ca
 import numpy as np
+import pinocchio as pin
 
+from armdyn.arguments import number, text
 from armdyn.arrays import Array
 from armdyn.dynamics.numeric import forward_dynamics
+from armdyn.errors import ProblemError, SpecError
 from armdyn.models.presets.interface import REST_VELOCITY, VelocityTaper
 from armdyn.models.robots.robot import Robot
-from armdyn.optimal.constraints.constraint import ConstraintReport, Path, PathConstraint
-from armdyn.optimal.constraints.rows import RowValues, StageRows
-from armdyn.optimal.constraints.stages import Stages
+from armdyn.optimal.constraints.constraint import ConstraintReport, PartialLimit, Path
+from armdyn.optimal.constraints.rows import RowValues, StageRows, Stages
+from armdyn.optimal.problem.checks import SLOWEST
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.tableau import differentiation, lagrange
 from armdyn.trajectory import Trajectory
@@ -58,29 +61,6 @@ def accelerations(robot: Robot, motion: Trajectory) -> tuple[Array, Array, Array
 
 
 @dataclass(frozen=True)
-class PartialLimit(PathConstraint):
-    """Limit of a rate; the program satisfies a part of it, so that the replay satisfies the whole between the points.
-
-    Attributes:
-        part: part of the limit in the program, lowered by `tightened`.
-    """
-
-    part: float = field(default=1.0, kw_only=True)
-
-    def tightened(self, problem: MinimumTimeProblem, report: ConstraintReport) -> Self:
-        """Lower the limit by the replay's excess; raise it again if the replay stays below."""
-        spare = self.policy.rate_tightening if report.reasons else 0.0
-        part = (1 - spare) * self.part / max(float(report.share or 1), 1e-6)
-        fitting = float(np.clip(part, self.policy.least_part, 1))
-        changed = fitting != self.part and (report.reasons or fitting > self.part)
-        return replace(self, part=fitting) if changed else self
-
-    def on_finer_mesh(self) -> Self:
-        """Restore the whole limit: on a mesh twice as fine the excess between the points is much smaller."""
-        return replace(self, part=1.0)
-
-
-@dataclass(frozen=True)
 class DerivativeLimit(PartialLimit):
     """Limits of a derivative of the joint positions, from an argument of the problem.
 
@@ -111,12 +91,11 @@ class DerivativeLimit(PartialLimit):
         robot, limits, (kind, power) = problem.robot, np.asarray(self.limits(problem)), _DERIVATIVES[self.order]
         t, *rates = accelerations(robot, motion)
         seen = np.abs(rates[self.order - 2]).reshape(-1, robot.nv)
-        k, i = np.unravel_index(np.argmax(seen / limits), seen.shape)
-        share, joint, when = float(seen[k, i] / limits[i]), robot.joint_names[i], float(t.ravel()[k])
-        unit = f"{'m' if robot.slides[i] else 'rad'}/s{power}"
-        words = f"{seen[k, i]:.5g} of {limits[i]:.5g} {unit} at most, by {joint!r} at t = {when:.4g} s"
-        reason = f"joint {joint!r} exceeds its {kind} limit by {100 * (share - 1):.2g} % at t = {when:.4g} s"
-        return self.report(share, words, reason, (f"{kind} limit", joint, when), order=self.order)
+
+        def words(k: int, i: int) -> str:
+            return f"{seen[k, i]:.5g} of {limits[i]:.5g} {'m' if robot.slides[i] else 'rad'}/s{power} at most"
+
+        return self.report_of_joints(problem, seen / limits, t.ravel(), words, f"{kind} limit", self.order)
 
 
 @dataclass(frozen=True)
@@ -196,12 +175,11 @@ class VelocityTaperLimit(PartialLimit):
         at = motion(t)
         lower, upper = _taper(problem).at(at.q)
         shares = np.abs(at.v) / np.maximum(np.where(at.v < 0, -lower, upper), REST_VELOCITY)
-        k, i = np.unravel_index(np.argmax(shares), shares.shape)
-        share, joint, when = float(shares[k, i]), problem.robot.joint_names[i], float(t[k])
-        words = f"{abs(at.v[k, i]):.5g} rad/s at {at.q[k, i]:.4g} rad, by {joint!r} at t = {when:.4g} s"
-        beyond = f"exceeds its velocity limit at {at.q[k, i]:.4g} rad by {100 * (share - 1):.2g} %"
-        reason = f"joint {joint!r} {beyond} at t = {when:.4g} s"
-        return self.report(share, words, reason, ("velocity limit by position", joint, when))
+
+        def words(k: int, i: int) -> str:
+            return f"{abs(at.v[k, i]):.5g} rad/s at {at.q[k, i]:.4g} rad"
+
+        return self.report_of_joints(problem, shares, t, words, "velocity limit by position")
 
 
 def _taper(problem: MinimumTimeProblem) -> VelocityTaper:
@@ -222,3 +200,96 @@ def _beyond(stages: Stages, numbers: ca.SX) -> ca.SX:
             for side, speed in ((q - upper, v), (lower - q, -v))
         ]
     return ca.vertcat(*rows)
+
+
+@dataclass(frozen=True)
+class FrameSpeedLimit(PartialLimit):
+    """Limit of the speed of a frame's origin in the world.
+
+    Attributes:
+        limit: largest speed [m/s].
+        frame: name of the frame; None: the robot's tip.
+    """
+
+    limit: float
+    frame: str | None = None
+
+    name = "frame speed limits"
+    option, metavar, help = "tip-speed", "V[@FRAME]", "how fast a frame may move [m/s], by default the tip"
+
+    def __post_init__(self) -> None:
+        if number(self.limit, "FrameSpeedLimit", unit="m/s", sign="positive") < SLOWEST:
+            raise ProblemError(f"FrameSpeedLimit is {self.limit} m/s; it must be {SLOWEST:g} m/s at least")
+        number(self.part, "part of FrameSpeedLimit", sign="positive")
+        if self.frame is not None:
+            text(self.frame, "frame of FrameSpeedLimit")
+
+    @classmethod
+    def of_option(cls, values: list[float], frame: str | None = None) -> Self:
+        """The constraint from an option's number and frame."""
+        values, frame = cls._option_parts(values, frame)
+        if len(values) != 1:
+            raise ProblemError(f"--limit {cls.option} has {len(values)} numbers; give one, and it again per frame")
+        return cls(values[0], frame)
+
+    def option_text(self) -> str:
+        """Text of the constraint for its option, with all digits."""
+        return f"{self.option}={float(self.limit)!r}" + (f"@{self.frame}" if self.frame else "")
+
+    def on(self, robot: Robot, start: Array, goal: Array) -> Self:
+        """Resolve the frame's name, and check the limit at start and goal."""
+        frame = robot.tip if self.frame is None else self.frame
+        try:
+            fixed = robot.frame(frame)
+        except SpecError as error:
+            raise ProblemError(f"FrameSpeedLimit: {error}") from None
+        if fixed.parentJoint == 0:
+            raise ProblemError(f"FrameSpeedLimit: frame {frame!r} of {robot.name} does not move; give another")
+        for x, end in ((start, "start"), (goal, "goal")):
+            (speed,) = _speeds(robot, frame, x[None, : robot.nv], x[None, robot.nv :])
+            if speed > self.limit:
+                raise ProblemError(
+                    f"at the {end} frame {frame!r} moves at {speed:.4g} m/s, faster than FrameSpeedLimit {self.limit:g}"
+                )
+        return replace(self, frame=frame)
+
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
+        """Squared speeds at the stages of every interval, over the squared limit."""
+        return (StageRows(_squares, (self.frame,), numbers=1),)
+
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
+        return (RowValues(-np.inf, self.part**2, np.array([self.limit**-2])),)
+
+    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
+        """Check speeds by Pinocchio, at five points of every sample."""
+        t, n = times_within(motion), problem.robot.nv
+        at = motion(t)
+        speeds = _speeds(problem.robot, str(self.frame), at.q.reshape(-1, n), at.v.reshape(-1, n))
+        when, share = float(t[np.argmax(speeds)]), float(np.max(speeds)) / self.limit
+        words = f"{np.max(speeds):.5g} m/s at most, at t = {when:.4g} s"
+        reason = f"frame {self.frame!r} moves at {words}; the limit is {self.limit:g} m/s"
+        worst = "frame speed limit", str(self.frame), when
+        return self.report(share, f"{words}, of {self.limit:g} m/s", reason, worst, f"speed of {self.frame!r}")
+
+    def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
+        return float(np.max(_speeds(problem.robot, str(self.frame), path.q, path.dq))) / self.limit
+
+
+def _squares(stages: Stages, over_square: ca.SX, frame: str) -> ca.SX:
+    n = stages.dynamics.nv
+    q, v = ca.SX.sym("q", n), ca.SX.sym("v", n)
+    velocity = ca.jtimes(stages.dynamics.frame_placement(q, frame)[1], q, v)
+    square = ca.Function("square", [q, v], [ca.cse(ca.sumsqr(velocity))])
+    # The first stage is the last of the interval before.
+    return ca.vertcat(*(square(stages.q[:, i], stages.v[:, i]) * over_square for i in range(1, stages.c.size)))
+
+
+def _speeds(robot: Robot, frame: str, q: Array, v: Array) -> Array:
+    """Speed of a frame's origin [m/s], shape (samples,)."""
+    model, data, fixed = robot.model, robot.model.createData(), robot.frame(frame)
+    twists = []  # of the frame's joint, in the joint's axes
+    for positions, velocities in zip(q, v, strict=True):
+        pin.forwardKinematics(model, data, robot.configuration(positions), velocities)
+        twists.append(data.v[fixed.parentJoint].vector.copy())
+    linear, angular = np.hsplit(np.array(twists), 2)
+    return np.asarray(np.linalg.norm(linear + np.cross(angular, fixed.placement.translation), axis=1))

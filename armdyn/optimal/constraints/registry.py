@@ -1,16 +1,32 @@
-"""Registry of path constraints. To add one: write its class, and its line here."""
+"""Path constraints of a problem: their registry, and all of them together, tightened for the program.
 
+To add a path constraint: write its class, and its line in `PATH_CONSTRAINTS`.
+"""
+
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
+from typing import Self
 
+import numpy as np
+
+from armdyn.arguments import expect
+from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.optimal.constraints.clearance import ClearanceConstraint
-from armdyn.optimal.constraints.constraint import PathConstraint
-from armdyn.optimal.constraints.frame_limits import FrameRegion, FrameSpeedLimit
-from armdyn.optimal.constraints.goal_region import ViaPoints
-from armdyn.optimal.constraints.rate_limits import AccelerationLimit, JerkLimit, VelocityTaperLimit
+from armdyn.optimal.constraints.constraint import (
+    ConstraintReport,
+    ConstraintReports,
+    PathConstraint,
+    RequiredDistances,
+)
+from armdyn.optimal.constraints.rate_limits import AccelerationLimit, FrameSpeedLimit, JerkLimit, VelocityTaperLimit
+from armdyn.optimal.constraints.regions import FrameRegion, ViaPoints
+from armdyn.optimal.constraints.rows import RowValues, StageRows
 from armdyn.optimal.constraints.torque_limits import RmsTorque, TorqueRateLimit, TorqueSpeedLimit
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.task import Task
 from armdyn.parsing.numbers import numbers
+from armdyn.trajectory import Trajectory
 
 PATH_CONSTRAINTS: tuple[type[PathConstraint], ...] = (
     ClearanceConstraint,
@@ -68,3 +84,111 @@ def path_constraint_from(text: str) -> PathConstraint:
     if not equals or (at and not frame.strip()):
         raise ProblemError(f"--limit {text!r}: write {name}={kind.metavar}, with numbers")
     return kind.of_option(numbers(values, f"--limit {name}"), frame.strip() or None)
+
+
+@dataclass(frozen=True, eq=False)
+class Aim:
+    """Offsets of a solve's via points and goal that cancel the misses of its replay.
+
+    Attributes:
+        offsets: offsets of q [rad or m], shape (legs, nv), or (nv,) for all legs.
+        end_velocity: offset of the velocity at the goal [rad/s or m/s], shape (nv,).
+    """
+
+    offsets: Array | float = 0.0
+    end_velocity: Array | float = 0.0
+
+    def corrected(self, problem: MinimumTimeProblem, replay: Trajectory, passing: Array | None = None) -> Self:
+        """Correct the offsets by a replay's misses at via points and goal.
+
+        Args:
+            problem: the original problem, with the true poses.
+            replay: motion of the last solve, integrated.
+            passing: times of the via points [s], shape (vias,); None: no via points.
+        """
+        vias = np.empty((0, problem.robot.nv)) if passing is None else replay(passing).q.reshape(-1, problem.robot.nv)
+        missed = np.vstack([vias, replay.q[-1]]) - problem.poses[1:]
+        return type(self)(
+            np.broadcast_to(self.offsets, missed.shape) - missed,
+            self.end_velocity - (replay.v[-1] - np.asarray(problem.v_goal)),
+        )
+
+    def at_goal(self, joints: int) -> Array:
+        """Offset from the goal's state (q, v), shape (2 nv,)."""
+        last = np.atleast_2d(self.offsets)[-1]
+        return np.concatenate([np.broadcast_to(each, joints) for each in (last, self.end_velocity)])
+
+
+@dataclass(frozen=True, eq=False)
+class TightenedConstraints:
+    """Tightened path constraints, and the correction of via points and goal.
+
+    Attributes:
+        path_constraints: the tightened path constraints.
+        aim: terminal correction of via points and goal.
+    """
+
+    path_constraints: tuple[PathConstraint, ...] = ()
+    aim: Aim = field(default_factory=Aim)
+
+    @classmethod
+    def of(cls, task: Task) -> Self:
+        """Path constraints of a task's problem, not tightened."""
+        numbers = task.policy.path_constraints
+        return cls(tuple(constraint.under(numbers) for constraint in path_constraints_of(task.problem)))
+
+    def required_distances(self, problem: MinimumTimeProblem) -> RequiredDistances | None:
+        """Required distances between bodies; None without such a constraint."""
+        found = (constraint.required_distances(problem) for constraint in self.path_constraints)
+        return next((distances for distances in found if distances is not None), None)
+
+    def derivative_limits(self, problem: MinimumTimeProblem) -> dict[int, Array]:
+        """Tightened limits of the positions' derivatives by order, each of shape (nv,)."""
+        return dict(limit for each in self.path_constraints if (limit := each.derivative_limit(problem)))
+
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
+        """Rows of the program besides the equations of motion."""
+        return tuple(rows for constraint in self.path_constraints for rows in constraint.rows(problem))
+
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
+        """Parameters and bounds of these rows.
+
+        Raises:
+            ProblemError: a constraint's values do not fit its rows.
+        """
+        return tuple(values for constraint in self.path_constraints for values in _values_of(constraint, problem))
+
+    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReports:
+        """Check all path constraints along a motion; `passing`: times of the via points [s]."""
+        reports = tuple(constraint.check(problem, motion, passing) for constraint in self.path_constraints)
+        for constraint, report in zip(self.path_constraints, reports, strict=True):
+            expect(report, ConstraintReport, f"result of {type(constraint).__name__}.check", "self.report(…)")
+        return ConstraintReports(reports)
+
+    def tightened(self, problem: MinimumTimeProblem, reports: ConstraintReports) -> Self:
+        """Tighten each path constraint that the motion has violated."""
+        pairs = zip(self.path_constraints, reports.each, strict=True)
+        return replace(self, path_constraints=tuple(each.tightened(problem, report) for each, report in pairs))
+
+    def aimed(self, problem: MinimumTimeProblem, replay: Trajectory, passing: Array) -> Self:
+        """Correct via points and goal by the replay's misses."""
+        return replace(self, aim=self.aim.corrected(problem, replay, passing))
+
+    def on_finer_mesh(self) -> Self:
+        """Path constraints and correction for a mesh twice as fine, with smaller misses."""
+        return replace(self, path_constraints=tuple(each.on_finer_mesh() for each in self.path_constraints), aim=Aim())
+
+
+def _values_of(constraint: PathConstraint, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
+    """Parameters and bounds of a constraint's rows, checked against the rows.
+
+    Raises:
+        ProblemError: another number of rows or parameters.
+    """
+    values, sizes = constraint.values(problem), [rows.numbers for rows in constraint.rows(problem)]
+    found = [one.numbers.size for one in values]
+    if found != sizes:
+        raise ProblemError(
+            f"{type(constraint).__name__}.values returns RowValues with {found} numbers; its rows have {sizes}"
+        )
+    return values

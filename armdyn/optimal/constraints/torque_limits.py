@@ -14,10 +14,8 @@ from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.per_joint import filled, per_joint
-from armdyn.optimal.constraints.constraint import ConstraintReport, PathConstraint
-from armdyn.optimal.constraints.rate_limits import PartialLimit
-from armdyn.optimal.constraints.rows import RowValues, StageRows
-from armdyn.optimal.constraints.stages import Stages
+from armdyn.optimal.constraints.constraint import ConstraintReport, PartialLimit, PathConstraint
+from armdyn.optimal.constraints.rows import RowValues, StageRows, Stages
 from armdyn.optimal.problem.checks import held
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
@@ -168,11 +166,11 @@ class TorqueSpeedLimit(PartialLimit):
         """Check torques at the samples, between which they are linear."""
         slopes, rest = problem.limits.actuators.lines
         used = np.max(np.abs(motion.tau[:, None] + slopes * motion.v[:, None]) / rest, axis=1)
-        k, i = np.unravel_index(np.argmax(used), used.shape)
-        share, joint, when = float(used[k, i]), problem.robot.joint_names[i], float(motion.t[k])
-        words = f"{100 * share:.4g} % of its line used at most, by {joint!r} at t = {when:.4g} s"
-        reason = f"joint {joint!r} exceeds its torque-speed curve by {100 * (share - 1):.2g} % at t = {when:.4g} s"
-        return self.report(share, words, reason, ("torque-speed curve", joint, when))
+
+        def words(k: int, i: int) -> str:
+            return f"{100 * used[k, i]:.4g} % of its line used at most"
+
+        return self.report_of_joints(problem, used, motion.t, words, "torque-speed curve")
 
 
 def _lines(stages: Stages, numbers: ca.SX, lines: int, inner: bool) -> ca.SX:
@@ -257,7 +255,7 @@ class RmsTorque(PartialLimit):
 
 def _surplus(stages: Stages, numbers: ca.SX) -> ca.SX:
     """∫ ((τ/limit)² - part²) dt over an interval, in which the torque is linear."""
-    slope = (stages.tau[:, -1] - stages.tau[:, 0]) / float(stages.c[-1] - stages.c[0])
+    slope = _torque_change(stages)
     first = stages.tau[:, 0] - float(stages.c[0]) * slope
     last = first + slope
     surplus: ca.SX = stages.h * ((first**2 + first * last + last**2) / 3 * numbers[:-1] - numbers[-1])

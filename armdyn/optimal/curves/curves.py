@@ -9,8 +9,8 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.codegen.background import is_building
+from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.constraints.rows import intervals_of
-from armdyn.optimal.constraints.tightened import TightenedConstraints
 from armdyn.optimal.constraints.torque_limits import RmsTorque
 from armdyn.optimal.curves.curve import Curve
 from armdyn.optimal.curves.equations import CurveInterval

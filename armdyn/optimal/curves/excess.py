@@ -8,7 +8,7 @@ import numpy as np
 from armdyn.arrays import Array
 from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.models.values.actuator_limits import ActuatorLimits
-from armdyn.optimal.constraints.tightened import TightenedConstraints
+from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.curve import Curve, CurveLeg
 from armdyn.optimal.curves.equations import POINTS
 from armdyn.optimal.curves.nlp_data import CurveSpec, TorqueMargin, curve_layout, torque_rates

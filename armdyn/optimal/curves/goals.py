@@ -11,7 +11,7 @@ from armdyn.arrays import Array
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import GoalPose, free_directions, slid
 from armdyn.models.values.joint_limits import JointLimits
-from armdyn.optimal.constraints.goal_region import GoalRegion
+from armdyn.optimal.constraints.regions import GoalRegion
 from armdyn.optimal.curves.curve import Curve
 from armdyn.optimal.curves.nlp_data import CurveSpec
 from armdyn.optimal.curves.solve import solve_curve, straight_curve

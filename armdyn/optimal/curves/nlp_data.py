@@ -10,9 +10,9 @@ import numpy as np
 
 from armdyn.arrays import Array, Index
 from armdyn.models.values.actuator_limits import ActuatorLimits
-from armdyn.optimal.constraints.goal_region import GoalRegion
+from armdyn.optimal.constraints.regions import GoalRegion
+from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.constraints.rows import RowValues, StageRows, intervals_of, spread
-from armdyn.optimal.constraints.tightened import TightenedConstraints
 from armdyn.optimal.constraints.torque_limits import TorqueSpeedLimit
 from armdyn.optimal.curves.basis import WINDOW, Basis
 from armdyn.optimal.curves.curve import Curve

@@ -15,8 +15,8 @@ from armdyn.arrays import Array
 from armdyn.dynamics.numeric import joint_inertia
 from armdyn.errors import ProblemError
 from armdyn.models.scene.reaching import slid
-from armdyn.optimal.constraints.frame_limits import FrameRegion
-from armdyn.optimal.constraints.tightened import TightenedConstraints
+from armdyn.optimal.constraints.regions import FrameRegion
+from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.basis import Basis, graded
 from armdyn.optimal.curves.curve import Curve
 from armdyn.optimal.curves.nlp_data import CurveSpec

@@ -10,7 +10,7 @@ from math import comb
 import numpy as np
 
 from armdyn.arrays import Array, Flags
-from armdyn.optimal.constraints.tightened import TightenedConstraints
+from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.basis import DEGREE, Basis
 from armdyn.optimal.curves.curve import Curve, CurveLeg
 from armdyn.optimal.curves.excess import excesses_of, worst_excess

@@ -10,8 +10,7 @@ from armdyn.arrays import Array, Index
 from armdyn.codegen.deadline import expect_time
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
-from armdyn.optimal.constraints.rows import StageRows, intervals_of
-from armdyn.optimal.constraints.stages import IntervalFunctions
+from armdyn.optimal.constraints.rows import IntervalFunctions, StageRows, intervals_of
 from armdyn.optimal.curves.basis import DEGREE, WINDOW, Basis
 from armdyn.optimal.curves.curve import Curve, CurveLeg
 from armdyn.optimal.curves.equations import (

@@ -5,7 +5,8 @@ from operator import is_
 
 import numpy as np
 
-from armdyn.optimal.constraints.tightened import ConstraintReports, TightenedConstraints
+from armdyn.optimal.constraints.constraint import ConstraintReports
+from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.curve import Curve, CurveLeg
 from armdyn.optimal.curves.equations import POINTS
 from armdyn.optimal.curves.excess import Tightening, excesses_of, larger_margin, round_words, worst_excess

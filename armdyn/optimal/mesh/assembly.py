@@ -23,8 +23,7 @@ import numpy as np
 from armdyn.arrays import Index
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once, cached_property
-from armdyn.optimal.constraints.rows import StageRows, intervals_of
-from armdyn.optimal.constraints.stages import IntervalFunctions, differentiated
+from armdyn.optimal.constraints.rows import IntervalFunctions, StageRows, differentiated, intervals_of
 from armdyn.optimal.mesh.interval import CollocationInterval, interval_functions, present_body
 from armdyn.optimal.mesh.layout import CondensedLayout, Layout, Parameters
 from armdyn.optimal.problem.tableau import LOBATTO_3, Scheme

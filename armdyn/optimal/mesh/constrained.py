@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.optimal.constraints.tightened import TightenedConstraints
+from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.mesh.candidates import SearchResult, find
 from armdyn.optimal.mesh.direct import Attempt, solve_on_mesh
 from armdyn.optimal.mesh.motion_mesh import finer_knots, on_finer_meshes

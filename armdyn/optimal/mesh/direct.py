@@ -7,8 +7,8 @@ import numpy as np
 
 from armdyn.arrays import Array, Index
 from armdyn.locks import cached_property
-from armdyn.optimal.constraints.rows import StageRows
-from armdyn.optimal.constraints.tightened import Aim, TightenedConstraints, numbers_of, row_bounds
+from armdyn.optimal.constraints.registry import Aim, TightenedConstraints
+from armdyn.optimal.constraints.rows import StageRows, numbers_of, row_bounds
 from armdyn.optimal.mesh.assembly import Nlp, with_rows
 from armdyn.optimal.mesh.interval import CollocationInterval
 from armdyn.optimal.mesh.ipopt import Ipopt, ipopt_for

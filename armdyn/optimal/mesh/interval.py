@@ -7,7 +7,7 @@ import numpy as np
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
-from armdyn.optimal.constraints.stages import IntervalFunctions, Stages, differentiated
+from armdyn.optimal.constraints.rows import IntervalFunctions, Stages, differentiated
 from armdyn.optimal.mesh.layout import Layout, Parameters
 from armdyn.optimal.problem.tableau import Scheme
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from armdyn.optimal.constraints.tightened import Aim
+from armdyn.optimal.constraints.registry import Aim
 from armdyn.optimal.mesh.phases import Unresolved, solve_phases
 from armdyn.optimal.mesh.unknowns import doubled
 from armdyn.optimal.problem.task import Task

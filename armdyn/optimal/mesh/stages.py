@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.optimal.constraints.stages import nonzeros_of
+from armdyn.optimal.constraints.rows import nonzeros_of
 from armdyn.optimal.mesh.interval import present_body
 from armdyn.optimal.mesh.layout import Parameters
 

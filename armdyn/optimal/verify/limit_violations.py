@@ -12,7 +12,7 @@ from armdyn.arrays import Array
 from armdyn.dynamics.numeric import forward_dynamics, inverse_dynamics
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
-from armdyn.optimal.constraints.tightened import ConstraintReports
+from armdyn.optimal.constraints.constraint import ConstraintReports
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.problem.task import Task

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from armdyn.optimal.constraints.tightened import TightenedConstraints
+from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE, certify
 from armdyn.optimal.verify.follow import follow

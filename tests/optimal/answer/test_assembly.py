@@ -8,8 +8,7 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.answer.assembly import assembled, failed
 from armdyn.optimal.answer.solution import minimum_time_summary
-from armdyn.optimal.constraints.constraint import ConstraintReport
-from armdyn.optimal.constraints.tightened import ConstraintReports
+from armdyn.optimal.constraints.constraint import ConstraintReport, ConstraintReports
 from armdyn.optimal.mesh.candidates import SearchResult
 from armdyn.optimal.mesh.direct import Attempt
 from armdyn.optimal.mesh.starts import spline

@@ -3,7 +3,7 @@
 import numpy as np
 
 import armdyn as ad
-from armdyn.optimal.constraints.tightened import TightenedConstraints
+from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.basis import Basis, graded
 from armdyn.optimal.curves.curve import Curve
 from armdyn.optimal.curves.nlp_data import CurveSpec

@@ -8,7 +8,7 @@ import pytest
 import armdyn as ad
 from armdyn.models.scene.obstacles import Box
 from armdyn.optimal.constraints.clearance import ClearanceConstraint
-from armdyn.optimal.constraints.tightened import TightenedConstraints
+from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.basis import Basis, graded
 from armdyn.optimal.curves.curve import Curve
 from armdyn.optimal.curves.linear_rows import clearance_rows

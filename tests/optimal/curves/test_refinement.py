@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.constraints.tightened import TightenedConstraints
+from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.basis import Basis, graded
 from armdyn.optimal.curves.curve import Curve
 from armdyn.optimal.curves.equations import POINTS

@@ -11,7 +11,7 @@ from armdyn.errors import ProblemError
 from armdyn.models.scene.collision import CollisionModel
 from armdyn.models.scene.obstacles import Box, Sphere
 from armdyn.models.scene.reaching import GoalPose
-from armdyn.optimal.constraints.tightened import TightenedConstraints
+from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.minimum_time import solve_task
 from armdyn.optimal.problem.task import Task
 from problems import POSES, cart, paper_arm, paper_problem, solve

@@ -3,7 +3,7 @@
 import casadi as ca
 import numpy as np
 
-from armdyn.optimal.constraints.stages import differentiated
+from armdyn.optimal.constraints.rows import differentiated
 from armdyn.optimal.mesh.assembly import Block, program_of
 
 SIZE = 5

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import armdyn as ad
-from armdyn.optimal.constraints.tightened import TightenedConstraints
+from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.mesh.direct import solve_on_mesh
 from armdyn.optimal.mesh.shooting import landed
 from armdyn.optimal.mesh.starts import spline

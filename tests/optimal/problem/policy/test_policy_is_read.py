@@ -18,8 +18,8 @@ from armdyn.optimal import resolver as live
 from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.effort import Effort
 from armdyn.optimal.bound.lower_bound import lower_bound
-from armdyn.optimal.constraints.frame_limits import FrameRegion
-from armdyn.optimal.constraints.tightened import TightenedConstraints
+from armdyn.optimal.constraints.regions import FrameRegion
+from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.curves import _guesses, curves
 from armdyn.optimal.curves.goals import screened
 from armdyn.optimal.mesh.multistart import in_batches
