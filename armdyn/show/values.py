@@ -17,7 +17,7 @@ from armdyn.control.tracking.run import Run
 from armdyn.models import Robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.answer.solution import Solution, minimum_time_summary
-from armdyn.optimal.answer.table import solution_title, solution_words
+from armdyn.optimal.answer.words import solution_title, solution_words
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.reprs import joints_of
 from armdyn.show.figures.style import COLORS, INK, LOOK, literal

@@ -10,8 +10,7 @@ import armdyn as ad
 from armdyn.cli.invocation import in_options
 from armdyn.cli.options.joints import carried_facts, carried_words
 from armdyn.models.scene.collision import Clearance
-from armdyn.optimal.answer.table import solution_words, title_words
-from armdyn.optimal.answer.words import replay_words
+from armdyn.optimal.answer.words import replay_words, solution_words, title_words
 from armdyn.optimal.verify.certificate import Certificate
 from problems import solved
 

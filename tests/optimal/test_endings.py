@@ -13,7 +13,7 @@ import armdyn as ad
 from armdyn.codegen.deadline import NoTimeError, until
 from armdyn.optimal.answer.assembly import assembled
 from armdyn.optimal.answer.solution import minimum_time_summary
-from armdyn.optimal.answer.table import solution_words, title_words
+from armdyn.optimal.answer.words import solution_words, title_words
 from armdyn.optimal.curves.program import CurveLayout, build
 from armdyn.optimal.mesh.phases import Unresolved
 from armdyn.optimal.mesh.smooth import time_energy

@@ -46,7 +46,7 @@ def test_double_integrator_in_closed_form():
     by = solution.sensitivities()
     assert by.effort()[0] == pytest.approx(-np.sqrt(2), rel=1e-6)
     assert by.payload_mass == pytest.approx(np.sqrt(2), rel=1e-6)
-    np.testing.assert_allclose(solution.certificate.costate[0], [-1 / np.sqrt(2), -1.0], rtol=1e-6)
+    np.testing.assert_allclose(solution.costates.costate[0], [-1 / np.sqrt(2), -1.0], rtol=1e-6)
 
 
 def test_double_integrator_with_a_velocity_limit_in_closed_form():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.answer.table import solution_words
+from armdyn.optimal.answer.words import solution_words
 from armdyn.optimal.saving import with_saving
 from problems import cart, paper_problem, solve, solved
 

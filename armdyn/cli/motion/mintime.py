@@ -169,8 +169,7 @@ def mintime(
     """
     required = requirements_of(require)
     from armdyn.optimal.answer.solution import minimum_time_summary
-    from armdyn.optimal.answer.table import solution_title, solution_words
-    from armdyn.optimal.answer.words import standing
+    from armdyn.optimal.answer.words import solution_title, solution_words, standing
     from armdyn.optimal.saving import with_saving
 
     try:

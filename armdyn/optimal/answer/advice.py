@@ -16,7 +16,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import GAP_TOLERANCE, ON_CURVE, Certificate
-from armdyn.optimal.verify.limit_violations import can_be_slowed
+from armdyn.optimal.verify.slowing import can_be_slowed
 from armdyn.reprs import percent
 
 _HOLD = "choose poses that its motors can hold, carry less `payload`, raise `effort_limit`"

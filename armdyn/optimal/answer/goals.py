@@ -16,7 +16,7 @@ from armdyn.optimal.curves.goals import GoalResult, screened
 from armdyn.optimal.problem.policy.search import GoalPolicy
 from armdyn.optimal.problem.status import Status, Stop, stopping
 from armdyn.optimal.problem.task import Task
-from armdyn.optimal.verify.certificate import TRANSVERSALITY_TOLERANCE
+from armdyn.optimal.verify.certificate import GAP_TOLERANCE
 from armdyn.optimal.verify.sensitivity import end_gradient, transversality
 
 Solve = Callable[[Task, float], Solution]
@@ -88,7 +88,7 @@ def _slid_end(
             best.costates is None
             or missed is None
             or missed == np.inf
-            or missed <= TRANSVERSALITY_TOLERANCE / 10
+            or missed <= GAP_TOLERANCE / 10
             or step < numbers.end_least
         ):
             break

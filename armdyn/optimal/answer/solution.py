@@ -181,7 +181,7 @@ class Solution:
 _CHECKS = (
     "ok", "replay", "growth", "segment_error", "correction", "correction_share", "goal_error",
     "goal_velocity_error", "hamiltonian_spread", "switching_violation", "adjoint_error", "saving",
-    "transversality", "lands", "keeps_limits", "limit_violation", "singular", "reasons",
+    "transversality", "lands", "keeps_limits", "limit_violation", "reasons",
 )  # fmt: skip
 """Results of the checks of a certificate."""
 
@@ -190,6 +190,7 @@ def minimum_time_summary(solution: Solution) -> dict[str, object]:
     """A solution as JSON values: null where a number is not finite or no motion was found; units as in `Solution`."""
     worst, near = solution.worst_violation, solution.clearance
     certificate, by = solution.certificate, solution.sensitivities()
+    singular = not solution.problem.pays_effort and any(arc.singular for arc in solution.arcs)
     return {
         "success": solution.success,
         "status": str(solution.status),
@@ -203,7 +204,7 @@ def minimum_time_summary(solution: Solution) -> dict[str, object]:
         **attributes(solution, "lower_bound", "gap", "gap_proven"),
         "decides": [attributes(one, "limit", "joint", "part", "saved", "ties") for one in solution.decides],
         **attributes(solution, "calm", "what_to_do"),
-        "certificate": attributes(certificate, *_CHECKS),
+        "certificate": {**attributes(certificate, *_CHECKS), "singular": singular},
         **attributes(solution, "replay_error", "replay_velocity_error"),
         "arcs": [{"duration": arc.duration, "modes": [str(mode) for mode in arc.modes]} for arc in solution.arcs],
         "local_optima": list(solution.local_optima),

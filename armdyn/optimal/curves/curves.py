@@ -34,10 +34,10 @@ from armdyn.optimal.mesh.starts import spline, via_guesses
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, ON_CURVE
-from armdyn.optimal.verify.follow import follow
-from armdyn.optimal.verify.limit_violations import can_be_slowed, constraints_mended, least_factor, worst_violation
+from armdyn.optimal.verify.limit_violations import worst_violation
 from armdyn.optimal.verify.optimum import Optimum
 from armdyn.optimal.verify.sensitivity import RATE_LIMITS, Share, shares_of
+from armdyn.optimal.verify.slowing import can_be_slowed, constraints_mended, follow, least_factor
 from armdyn.parallel import in_processes
 from armdyn.reprs import percent
 from armdyn.trajectory import Trajectory

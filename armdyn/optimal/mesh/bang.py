@@ -128,8 +128,7 @@ def _near(task: Task, attempt: Attempt, resolved: ResolvedMotions) -> Optimum:
     if exact is not None and exact.cost <= (1 + task.policy.same.resolved) * motion.cost:
         return exact
     arcs = arcs_of(task.problem, motion.trajectory, task.policy.arcs)
-    certificate = replace(motion.certificate, singular=any(arc.singular for arc in arcs))
-    return replace(motion, arcs=arcs, certificate=certificate)
+    return replace(motion, arcs=arcs)
 
 
 def _exact(task: Task, motion: Trajectory, intervals: int) -> Optimum | None:

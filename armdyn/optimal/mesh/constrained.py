@@ -20,9 +20,9 @@ from armdyn.optimal.mesh.multistart import distinct
 from armdyn.optimal.mesh.unknowns import doubled
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import LIMIT_TOLERANCE
-from armdyn.optimal.verify.limit_violations import can_be_slowed
 from armdyn.optimal.verify.optimum import MeshMargins, Optimum, excess
 from armdyn.optimal.verify.rollout import dense, replay_of
+from armdyn.optimal.verify.slowing import can_be_slowed
 from armdyn.trajectory import Trajectory
 
 

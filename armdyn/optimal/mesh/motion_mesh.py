@@ -22,7 +22,7 @@ from armdyn.optimal.problem.policy.refinement import MotionMeshPolicy
 from armdyn.optimal.problem.policy.search import SamePolicy
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.task import Task
-from armdyn.optimal.verify.certificate import LIMIT_TOLERANCE, SAVING_TOLERANCE, SWITCHING_TOLERANCE
+from armdyn.optimal.verify.certificate import LIMIT_TOLERANCE, OPTIMALITY_TOLERANCE
 from armdyn.optimal.verify.limit_violations import excesses
 from armdyn.optimal.verify.optimum import MeshMargins, Optimum, excess
 from armdyn.optimal.verify.pontryagin import idle_joints
@@ -325,9 +325,9 @@ def _divided_until_certified(meshes: _Meshes, mesh: Attempt) -> Optimum | None:
         margins = MeshMargins(velocity if k else 0.0, position)  # shorter intervals: smaller excess
         divided = meshes.divided(mesh, best.to_divide, margins)
         found = None if divided is None else _judged(task, divided)
-        if divided is None or found is None or found.saving > max(best.saving, SAVING_TOLERANCE):
+        if divided is None or found is None or found.saving > max(best.saving, OPTIMALITY_TOLERANCE):
             break
-        stalled = found.saving > max(numbers.saving_ratio * best.saving, SAVING_TOLERANCE)
+        stalled = found.saving > max(numbers.saving_ratio * best.saving, OPTIMALITY_TOLERANCE)
         mesh, best = divided, found
         if stalled and best.optimum.within_limits:
             break
@@ -378,22 +378,15 @@ def _judged(task: Task, attempt: Attempt) -> _Judged | None:
     costates = mesh_costates(problem, motion, replay, task.policy)
     to_divide = _intervals_to_divide(task, motion, replay, costates)
     certificate, saving = found.certificate, np.inf if costates is None else costates.saving
-    if costates is not None and saving > SAVING_TOLERANCE:
-        most, enough = percent(saving), percent(SAVING_TOLERANCE)
+    if costates is not None and saving > OPTIMALITY_TOLERANCE:
+        most, enough = percent(saving), percent(OPTIMALITY_TOLERANCE)
         remark = f"a small change may save up to {most} of its time; at most {enough} counts as locally optimal"
         certificate = replace(certificate, remark=remark)
     elif costates is not None:
-        certificate = replace(
-            certificate,
-            remark="",
-            saving=saving,
-            idle=idle_joints(problem, costates, costates.switching, SWITCHING_TOLERANCE),
-            t=costates.t,
-            costate=costates.costate,
-            switching=costates.switching,
-        )
+        idle = idle_joints(problem, costates, costates.switching, OPTIMALITY_TOLERANCE)
+        certificate = replace(certificate, remark="", saving=saving, idle=idle)
     certificate = repeated(problem, found.trajectory, certificate)  # not repeatable: try another optimum
-    known = costates if saving <= SAVING_TOLERANCE else None
+    known = costates if saving <= OPTIMALITY_TOLERANCE else None
     return _Judged(replace(found, certificate=certificate, costates=known), saving, to_divide)
 
 
@@ -403,10 +396,10 @@ def _intervals_to_divide(task: Task, motion: Shooting, replay: Trajectory, costa
     beyond = excesses(task.problem.limits, replay)
     if costates is None or max(costates.saving, *(one.share for one in beyond)) > numbers.nearly_certified:
         return to_divide
-    if costates.saving > SAVING_TOLERANCE:
+    if costates.saving > OPTIMALITY_TOLERANCE:
         order = np.argsort(costates.missed)[::-1]
         left = costates.saving - np.cumsum(costates.missed[order])
-        to_divide[order[: 1 + np.searchsorted(-left, -SAVING_TOLERANCE / numbers.parts)]] = True
+        to_divide[order[: 1 + np.searchsorted(-left, -OPTIMALITY_TOLERANCE / numbers.parts)]] = True
     for one in beyond:
         at = one.t[np.any(one.beyond > LIMIT_TOLERANCE * one.size, axis=1)]
         to_divide[np.clip(np.searchsorted(motion.t, at, side="right") - 1, 0, to_divide.size - 1)] = True

@@ -21,7 +21,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.arc import Arc, Mode
-from armdyn.optimal.verify.certificate import ADJOINT_TOLERANCE
+from armdyn.optimal.verify.certificate import OPTIMALITY_TOLERANCE
 from armdyn.optimal.verify.optimum import Optimum, trajectory_cost
 from armdyn.optimal.verify.phases import TABLEAU, Phases
 from armdyn.optimal.verify.pontryagin import pontryagin
@@ -62,7 +62,7 @@ def _replayed(task: Task, phases: Phases) -> Optimum:
     finer intervals and more samples reduce it.
     """
     optimum = with_adjoint_check(task, land(task, phases))
-    if (optimum.certificate.adjoint_error or 0.0) > ADJOINT_TOLERANCE and not task.stop:
+    if (optimum.certificate.adjoint_error or 0.0) > OPTIMALITY_TOLERANCE and not task.stop:
         finely = replace(task, policy=task.policy.changed("arcs", samples=task.policy.smooth.samples))
         finer = _solved(finely, phases.arcs, 2 * phases.arc_of.size, phases, 0.0)
         if isinstance(finer, Phases):

@@ -99,7 +99,8 @@ class Task:
         policy = self.policy.for_problem(problem)
         dynamics = Dynamics(problem.robot, free_last_body=True)
         scheme = policy.scheme(self.options)
-        return replace(self, problem=problem, dynamics=dynamics, scheme=scheme, policy=policy)
+        intervals = policy.search.fine_mesh
+        return replace(self, problem=problem, dynamics=dynamics, scheme=scheme, policy=policy, intervals=intervals)
 
     def with_options(self, **changes: Any) -> Self:
         """The task with some options changed."""

@@ -14,7 +14,6 @@ from typing import Literal, Self
 import numpy as np
 
 from armdyn.arguments import number
-from armdyn.arrays import Array
 from armdyn.optimal.problem.checks import LEAST_WAY
 from armdyn.optimal.problem.problem import LANDING, MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
@@ -30,25 +29,20 @@ resolution."""
 VELOCITY_TOLERANCE = 0.02
 """Largest error of the replay's velocity at the goal [rad/s or m/s]: dry friction at light wrists leaves 0.01, else
 1e-4."""
-HAMILTONIAN_TOLERANCE = 1e-4
-"""Largest |H|, relative to time's 1: the accuracy of collocation's multipliers on these meshes."""
-SWITCHING_TOLERANCE = 1e-4
-"""Largest decrease of H by moving one torque to a limit that is not active, relative to time's 1."""
-ADJOINT_TOLERANCE = 1e-4
-"""Largest residual of the adjoint equations, as a change of H: as for |H|. Planar arms reach 2e-5 at most, where a
-torque limit or a touch lies within an interval."""
-SAVING_TOLERANCE = 1e-4
-"""Largest first-order saving by a change of the motion, as a part of the duration: a mean of |H| and of wrong signs."""
-SEGMENT_TOLERANCE = 1e-7
+OPTIMALITY_TOLERANCE = 1e-4
+"""Largest violation of Pontryagin's conditions, relative to time's 1: |H|, the decrease of H by moving one torque to a
+limit that is not active, the residual of the adjoint equations as a change of H; without exact times the first-order
+saving by a change of the motion, which is a mean of these, as a part of the duration. It is the accuracy of
+collocation's multipliers on these meshes; planar arms leave 2e-5 at most of the adjoint equations."""
+SEGMENT_TOLERANCE = GOAL_TOLERANCE / 10
 """Largest error of the state at the end of a segment [rad or m, and per second], integrated from the motion's sample
-before: a tenth of the goal's tolerance, and ten times the error of integrators of tolerance 1e-10 at 50 rad/s."""
-TRANSVERSALITY_TOLERANCE = 1e-3
-"""Largest saving, as a part of the duration, by moving the goal by the whole way at the rate of the end, along the
-joint positions that reach a goal pose. The actual saving is of second order."""
+before: ten times the error of integrators of tolerance 1e-10 at 50 rad/s."""
 LIMIT_TOLERANCE = 1e-6
 """Largest excess over a limit, as a part of it."""
 GAP_TOLERANCE = 1e-3
-"""Largest proven gap, as a part of the duration: less than the effect of a few grams of payload."""
+"""Largest proven gap, as a part of the duration: less than the effect of a few grams of payload. Likewise the largest
+transversality error: the saving by moving the goal by the whole way at the rate of the end, along the joint positions
+that reach a goal pose. The actual saving is of second order."""
 
 ON_CURVE = "Pontryagin's conditions are not checked: the switching times are not resolved"
 """Remark for motions along curves, which are proven by the gap."""
@@ -81,7 +75,6 @@ class Certificate:
         limit_violation: largest excess of a torque, velocity or position over its limit anywhere in the
             replay, relative to the limit (position: to the range, or 1 rad or m where that is less).
         exceeded: largest violation, with its joint and time; None: all limits are kept.
-        singular: whether some arc has a joint without an active limit.
         idle: joints that minimum time leaves undetermined for most of the motion; none decides a share of time.
         landing: largest goal error that counts as landed [rad or m].
         replay: "open loop": the torques alone reach the goal, with any integrator. "segments": the motion is too
@@ -98,9 +91,6 @@ class Certificate:
             unknown.
         gap: (duration - lower_bound) / lower_bound.
         remark: further remark, such as why there are no costates.
-        t: times of the costates [s], shape (K,).
-        costate: ρ at those times, for (q, v), shape (K, 2 nv).
-        switching: S = ∂H/∂τ at those times, shape (K, nv).
         slides: whether each joint slides, for the units in `reasons`; empty: unknown.
     """
 
@@ -112,7 +102,6 @@ class Certificate:
     adjoint_error: float | None = None
     saving: float | None = None
     transversality: float | None = None
-    singular: bool = False
     idle: tuple[str, ...] = ()
     remark: str = ""
     exceeded: Violation | None = None
@@ -124,9 +113,6 @@ class Certificate:
     correction_share: float | None = None
     lower_bound: float | None = None
     gap: float | None = None
-    t: Array = field(default_factory=lambda: np.empty(0), repr=False)
-    costate: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
-    switching: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
     slides: tuple[bool, ...] = field(default=(), repr=False)
 
     @property
@@ -166,9 +152,9 @@ class Certificate:
     def extremal(self) -> bool:
         """Whether the costates are known and satisfy Pontryagin's conditions, and the motion ends on the goal.
 
-        Without resolved arcs, the conditions count as satisfied if `saving` is at most `SAVING_TOLERANCE`. For a goal
-        pose reached by a continuum of joint positions, `transversality` is required, too; other branches that reach the
-        pose may be faster. The adjoint equations are not required of a candidate: see `adjoint_error`. A joint with
+        Without resolved arcs, the conditions count as satisfied if `saving` is within tolerance. For a goal pose
+        reached by a continuum of joint positions, `transversality` is required, too; other branches that reach the pose
+        may be faster. The adjoint equations are not required of a candidate: see `adjoint_error`. A joint with
         zero costates satisfies the conditions: see `idle`.
         """
         return self.on_goal and not self._against_pontryagin
@@ -231,17 +217,21 @@ class Certificate:
         apart = self.transversality or 0.0
         unchecked = ("whether another joint position of the goal is faster is not checked",) if apart == np.inf else ()
         by_arcs = (
-            ("the Hamiltonian strays from 0 by {:.2g}", self.hamiltonian_spread, HAMILTONIAN_TOLERANCE),
-            ("a switching function has the wrong sign by {:.2g}", self.switching_violation, SWITCHING_TOLERANCE),
+            ("the Hamiltonian strays from 0 by {:.2g}", self.hamiltonian_spread, OPTIMALITY_TOLERANCE),
+            ("a switching function has the wrong sign by {:.2g}", self.switching_violation, OPTIMALITY_TOLERANCE),
         )
-        by_motion = (("a change may save {:.2g} of the duration", self.saving or 0.0, SAVING_TOLERANCE),)
+        by_motion = (("a change may save {:.2g} of the duration", self.saving or 0.0, OPTIMALITY_TOLERANCE),)
         return unchecked + _beyond(
             *(by_arcs if self.saving is None else by_motion),
-            ("the costates stray from the adjoint equations by {:.2g}", self.adjoint_error or 0.0, ADJOINT_TOLERANCE),
+            (
+                "the costates stray from the adjoint equations by {:.2g}",
+                self.adjoint_error or 0.0,
+                OPTIMALITY_TOLERANCE,
+            ),
             (
                 "another joint position that reaches the goal pose is faster: transversality is missed by {:.2g}",
                 0.0 if unchecked else apart,
-                TRANSVERSALITY_TOLERANCE,
+                GAP_TOLERANCE,
             ),
         )
 
@@ -288,9 +278,5 @@ def certify(
         plain,
         hamiltonian_spread=float(np.max(np.abs(hamiltonian))),
         switching_violation=sign,
-        singular=problem.effort_weight == 0 and any(arc.singular for arc in phases.arcs),
-        idle=idle_joints(problem, phases, switching, SWITCHING_TOLERANCE),
-        t=phases.t,
-        costate=phases.costate,
-        switching=switching,
+        idle=idle_joints(problem, phases, switching, OPTIMALITY_TOLERANCE),
     )

@@ -17,25 +17,25 @@ from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.verify.certificate import GOAL_TOLERANCE, Certificate
 from armdyn.optimal.verify.limit_violations import worst_violation
-from armdyn.optimal.verify.rollout import Segments, ticked
+from armdyn.optimal.verify.rollout import RTOL, Segments, ticked
 from armdyn.trajectory import Trajectory
 
-ACCURACY = 1e-11
-"""Error [rad or m, and per second] of states by integrators of relative tolerance 1e-10 to 1e-12, restarted at every
-sample: ten times the observed difference of scipy's DOP853 and Radau on segments of the library's arms."""
+ACCURACY = RTOL
+"""Error [rad or m, and per second] of states by integrators of this relative tolerance, restarted at every sample: ten
+times the observed difference of scipy's DOP853 and Radau on segments of the library's arms."""
 OPEN_LOOP_GROWTH = 0.1 * GOAL_TOLERANCE / ACCURACY
 """Largest growth of a motion that is checked by its open-loop replay: beyond 1e4, `ACCURACY` times the growth exceeds a
 tenth of the replay's tolerance."""
 FEEDBACK_BANDWIDTH = 40.0
 """Bandwidth of the feedback [rad/s], 6 Hz: the position loops of industrial arms have 5 to 15 Hz; the library's arms
 diverge open loop at 5 to 12 1/s."""
-FEEDBACK_TICK = 15e-3
-"""Longest time for which a correction is held [s]: 0.6 over the bandwidth. At 1 over the bandwidth the sampled loop
-would become unstable, and arms' controllers run at 100 Hz and more."""
+FEEDBACK_TICK = 0.6 / FEEDBACK_BANDWIDTH
+"""Longest time for which a correction is held [s]: 15 ms. At 1 over the bandwidth the sampled loop would become
+unstable, and arms' controllers run at 100 Hz and more."""
 
-_NEAR = 1e-5
+_NEAR = 10 * GOAL_TOLERANCE
 """Largest distance of a state from the motion [rad or m, and per second] under feedback: the first order in the defects
-is then exact to 1e-10 times the dynamics' second derivatives."""
+is then exact to its square, 1e-10, times the dynamics' second derivatives."""
 _LEFT = "a replay under feedback leaves the motion, and open loop it is unstable"
 
 

@@ -15,6 +15,7 @@ from armdyn.dynamics.motion import Collocation, replayed
 from armdyn.errors import TrajectoryError
 from armdyn.models.robots.loads import robots_of
 from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.optimal.problem.checks import LEAST_WAY
 from armdyn.optimal.problem.policy.refinement import AdjointPolicy
 from armdyn.optimal.problem.tableau import GAUSS_3
 from armdyn.optimal.problem.task import Task
@@ -26,8 +27,8 @@ RTOL = 1e-11
 that its damping stops in 70 µs is off by up to 1.7e-7 rad/s, which the error estimate does not see (xArm7)."""
 _SPARE = 300_000
 """Largest number of accelerations in halved steps: half a second; motions of well-posed dynamics need none."""
-_SPARE_WHEN_LATE = 30_000
-"""Largest number once the solve has been stopped."""
+SPARE_WHEN_LATE = _SPARE // 10
+"""Largest number once the solve has been stopped, and between two samples under feedback."""
 
 
 def replay_torques(
@@ -57,7 +58,7 @@ def replay_torques(
     number(rtol, "rtol", sign="positive")
     if trajectory.pieces:
         return _piece_by_piece(robot, trajectory, rtol, stop)
-    x = replayed(robot, trajectory, rtol, _SPARE_WHEN_LATE if stopper(stop)() else _SPARE)
+    x = replayed(robot, trajectory, rtol, SPARE_WHEN_LATE if stopper(stop)() else _SPARE)
     x, n = x if len(x) > 1 else np.vstack([x, x]), robot.nv
     m = len(x)
     return Trajectory(
@@ -117,13 +118,12 @@ def expect_motion_of(robot: Robot, trajectory: Trajectory) -> None:
         raise TrajectoryError(f"the trajectory has {joints_of(own.pop())}; {robot.name} has {robot.nv}: {names}")
 
 
-_AGREES = 1e-9
+_AGREES = LEAST_WAY / 1000
 """Defect [rad or m, and per second], relative to 1 and the state, below which one step suffices: it includes the step's
-own error, and is at most a thousandth of the goal's tolerance."""
+own error, and is at most a thousandth of the goal's tolerance. Likewise of the stage velocities once Newton steps no
+longer halve: rounding with light links; beyond it Newton has not converged."""
 _STAGES_TOLERANCE = 1e-14
 """Largest error of the stage velocities, relative to 1 and the velocity, over the last two Newton steps: rounding."""
-_STALLED = 1e-9
-"""The same once Newton steps no longer halve: rounding with light links; beyond it Newton has not converged."""
 _MOST_NEWTON = 12
 """Largest number of Newton steps: smooth motions take two or three; Coulomb friction in a segment takes more."""
 _MOST_PARTS = 256
@@ -264,4 +264,4 @@ def ticked(robot: Robot, motion: Trajectory, longest: float) -> Trajectory:
 
 def gauss_steps(robot: Robot) -> Collocation:
     """Gauss collocation of order six for a robot."""
-    return Collocation(robot, (GAUSS_3.A, GAUSS_3.b, GAUSS_3.c), _STAGES_TOLERANCE, _STALLED, _MOST_NEWTON)
+    return Collocation(robot, (GAUSS_3.A, GAUSS_3.b, GAUSS_3.c), _STAGES_TOLERANCE, _AGREES, _MOST_NEWTON)

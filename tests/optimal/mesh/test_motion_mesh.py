@@ -12,9 +12,9 @@ from armdyn.optimal.mesh.direct import Attempt
 from armdyn.optimal.mesh.motion_mesh import ResolvedMotions, _Meshes, finer_knots, mesh_optimum
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.task import Task
-from armdyn.optimal.verify.limit_violations import paced
 from armdyn.optimal.verify.optimum import MeshMargins
 from armdyn.optimal.verify.repeat import repeated, under_feedback
+from armdyn.optimal.verify.slowing import paced
 from armdyn.trajectory import Trajectory
 from problems import cart, paper_arm
 

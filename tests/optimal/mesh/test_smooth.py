@@ -106,7 +106,7 @@ def test_where_costates_stray_from_the_adjoint_equations_the_replay_is_finer(mon
     task = replace(task, policy=task.policy.changed("adjoint", precise=1e-7))  # distinguishes errors of 4e-8
     (plain,), _ = time_energy(task)
     strays = plain.certificate.adjoint_error
-    monkeypatch.setattr("armdyn.optimal.mesh.smooth.ADJOINT_TOLERANCE", strays / 2)
+    monkeypatch.setattr("armdyn.optimal.mesh.smooth.OPTIMALITY_TOLERANCE", strays / 2)
     (finer,), _ = time_energy(task)
     assert finer.intervals == 2 * plain.intervals and finer.trajectory.t.size >= 2 * plain.trajectory.t.size
     assert finer.certificate.adjoint_error < strays / 2

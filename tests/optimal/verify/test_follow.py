@@ -10,8 +10,8 @@ from armdyn.optimal.curves.basis import Basis, graded
 from armdyn.optimal.curves.curve import Curve
 from armdyn.optimal.curves.refinement import sampled
 from armdyn.optimal.problem.task import Task
-from armdyn.optimal.verify.follow import follow
 from armdyn.optimal.verify.rollout import replay_torques, ticked
+from armdyn.optimal.verify.slowing import follow
 from optimal.curves.bends import problem
 from problems import cart, paper_arm
 
@@ -113,9 +113,9 @@ def test_a_motion_that_is_lost_ends_early(monkeypatch):
         tau[6] = np.nan
         return tau
 
-    monkeypatch.setattr("armdyn.optimal.verify.follow._lines", lost)
+    monkeypatch.setattr("armdyn.optimal.verify.slowing._lines", lost)
     assert follow(Task.of(nlp_data), wanted).t.size == 6
-    monkeypatch.setattr("armdyn.optimal.verify.follow.RTOL", 1e-300)  # no step is that good
+    monkeypatch.setattr("armdyn.optimal.verify.slowing.RTOL", 1e-300)  # no step is that good
     motion = follow(Task.of(nlp_data), wanted)
     assert motion.t.size == 2
     np.testing.assert_array_equal(motion.q[1], motion.q[0])

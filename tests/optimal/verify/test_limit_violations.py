@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import armdyn as ad
-from armdyn.optimal.verify.limit_violations import excesses, limit_violation, paced, paced_torques, worst_violation
+from armdyn.optimal.verify.limit_violations import excesses, limit_violation, worst_violation
+from armdyn.optimal.verify.slowing import paced, paced_torques
 from oracles import PinDynamics, assert_close, random_states
 from problems import paper_arm, paper_problem
 

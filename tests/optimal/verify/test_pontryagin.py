@@ -12,7 +12,7 @@ from armdyn.optimal.mesh.phases import solve_phases
 from armdyn.optimal.problem.policy.refinement import AdjointPolicy
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.arc import Arc, Mode
-from armdyn.optimal.verify.certificate import ADJOINT_TOLERANCE
+from armdyn.optimal.verify.certificate import OPTIMALITY_TOLERANCE
 from armdyn.optimal.verify.pontryagin import adjoint_error
 from armdyn.optimal.verify.rollout import dense, replay_torques, transitions
 from problems import cart, luus_problem, paper_problem, solve, solved
@@ -64,7 +64,7 @@ def test_the_costates_of_arcs_keep_the_adjoint_equations(problem):
 def test_where_effort_is_paid_for_too(arm):
     solution = solve(paper_problem(arm, effort_weight=1.0, effort_limit=50.0))
     # Torques of the replay are lines between samples, to 1e-6 of the true ones.
-    assert error(solution) < 0.1 * ADJOINT_TOLERANCE
+    assert error(solution) < 0.1 * OPTIMALITY_TOLERANCE
 
 
 @pytest.mark.slow
@@ -80,14 +80,14 @@ def test_where_effort_is_paid_for_too(arm):
 def test_three_links_keep_them_with_pulls_of_end_stops(limits, options):
     solution = solve(paper_problem("rrr", **limits), **options)
     assert solution.certificate.extremal
-    assert error(solution) < 0.5 * ADJOINT_TOLERANCE  # 2e-5 measured at the most
+    assert error(solution) < 0.5 * OPTIMALITY_TOLERANCE  # 2e-5 measured at the most
 
 
 @pytest.mark.parametrize("row", [0, 5, -1])
 @pytest.mark.parametrize("column", range(4))
 def test_one_wrong_costate_is_caught(row, column):
     solution = solved("rr")
-    off = 10 * ADJOINT_TOLERANCE
+    off = 10 * OPTIMALITY_TOLERANCE
     # The nearest solution of the equations may come to meet it, by a part of it.
     assert 0.3 * off < error(solution, costate=moved(solution, row, column, off)) <= 1.01 * off
 
@@ -96,7 +96,7 @@ def test_costates_of_another_motion_are_caught():
     solution = solved("rr")
     assert error(solution, costate=solution.phases.costate[::-1]) > 0.1
     heavier = paper_problem("rr", 0.12).robot
-    assert adjoint_error(heavier, solution.trajectory, solution.phases, FINELY) > 10 * ADJOINT_TOLERANCE
+    assert adjoint_error(heavier, solution.trajectory, solution.phases, FINELY) > 10 * OPTIMALITY_TOLERANCE
 
 
 def test_without_the_pull_of_a_held_limit_the_costates_are_wrong():

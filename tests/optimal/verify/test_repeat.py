@@ -11,8 +11,7 @@ import armdyn as ad
 from armdyn.dynamics.numeric import forward_dynamics, joint_inertia
 from armdyn.models.values.friction import JointFriction
 from armdyn.optimal.answer.solution import minimum_time_summary
-from armdyn.optimal.answer.table import solution_words
-from armdyn.optimal.answer.words import advice
+from armdyn.optimal.answer.words import advice, solution_words
 from armdyn.optimal.verify.certificate import certify
 from armdyn.optimal.verify.repeat import FEEDBACK_BANDWIDTH, FEEDBACK_TICK, OPEN_LOOP_GROWTH, repeated
 from armdyn.optimal.verify.rollout import Segments, ticked

@@ -72,7 +72,7 @@ def test_a_stiff_arm_does_not_hold_it_up(monkeypatch):
 
 def test_a_diverging_replay_gets_fewer_steps_after_the_deadline(monkeypatch):
     robot, motion = solved("rr").problem.robot, solved("rr").trajectory
-    monkeypatch.setattr(rollout, "_SPARE_WHEN_LATE", 0)
+    monkeypatch.setattr(rollout, "SPARE_WHEN_LATE", 0)
     assert rollout.replay_torques(robot, motion, stop=lambda: True).t[-1] == motion.t[-1]  # well-posed
     switch = int(np.flatnonzero(motion.jumps)[0])
     ends = [0, switch]  # steps as long as an arc have to be made in halves

@@ -14,10 +14,10 @@ from armdyn.optimal.mesh.starts import spline
 from armdyn.optimal.minimum_time import solve_task
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import certify
-from armdyn.optimal.verify.limit_violations import can_be_slowed, least_factor, limit_violation
+from armdyn.optimal.verify.limit_violations import limit_violation
 from armdyn.optimal.verify.optimum import Optimum, trajectory_cost
 from armdyn.optimal.verify.rollout import dense, replay_of
-from armdyn.optimal.verify.slowing import slowed
+from armdyn.optimal.verify.slowing import can_be_slowed, least_factor, slowed
 from oracles import PinDynamics
 from problems import held_ur5, paper_problem, solve, solved
 
