@@ -20,10 +20,12 @@ from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.minimum_time import solve_minimum_time
+from armdyn.optimal.problem.checks import LANDING, ROUNDING
 from armdyn.optimal.problem.options import MinimumTimeOptions
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.verify.arc import runs_of
+from armdyn.optimal.verify.certificate import LIMIT_TOLERANCE
 from armdyn.optimal.verify.limit_violations import proven, torque_excess
 from armdyn.optimal.verify.repeat import OPEN_LOOP_GROWTH
 from armdyn.optimal.verify.rollout import Segments, expect_motion_of, replay_torques
@@ -34,16 +36,8 @@ from armdyn.trajectory.planned import Planned
 
 BUSY = 0.95
 """Part of a limit above which a torque, from the middle of its range, or a speed makes a joint active."""
-AT_STOP = 1e-3
-"""Distance from the end of the position range [rad or m] within which a joint rests on it, and is not idle."""
-_MISSED = 1e-6
-"""Part of the duration by which a motion within its limits is faster where the search has missed the optimum; less is
-rounding."""
-
 _CELLS = 2000
 """Least number of cells of the grid on which idleness is measured, besides the trajectory's own samples."""
-_JUMP = 1e-9
-"""Distance of samples, as a part of the duration, below which they are a jump."""
 
 
 @brief
@@ -204,7 +198,7 @@ class TimeOptimality(MotionCheck):
         if self.solution.success:
             optimum = f"the optimum of {self.optimal_duration:.4f} s, {self.solution.certificate.claims}"
             head = f"{self.duration:.4f} s, {self.ratio:.3f} of {optimum}"
-            if self.feasible and self.ratio < 1 - _MISSED:
+            if self.feasible and self.ratio < 1 - LIMIT_TOLERANCE:
                 head = f"{self.duration:.4f} s, faster than the fastest motion found, {self.optimal_duration:.4f} s"
         else:
             head = f"{self.duration:.4f} s; no optimum to compare with: {self.solution.message}"
@@ -300,7 +294,7 @@ def trajectory_from_path(
     rest = np.zeros_like(q)
     bare = Trajectory(t, q, rest if v is None else v, rest, name=name)  # type: ignore[arg-type]  # refuses no numbers
     _check_joints(robot, bare)
-    if np.min(np.diff(bare.t)) <= _JUMP * bare.duration:
+    if np.min(np.diff(bare.t)) <= ROUNDING * bare.duration:
         raise TrajectoryError("two samples are a jump: positions there have no derivative; give the torques instead")
     speeds = CubicSpline(bare.t, bare.q)(bare.t, 1) if v is None else bare.v
     planned = Planned(bare.t, bare.q, None if v is None else bare.v)
@@ -324,13 +318,13 @@ def _check_joints(robot: Robot, trajectory: Trajectory) -> None:
 def _idle_times(limits: JointLimits, motion: Trajectory) -> tuple[Array, tuple[tuple[tuple[float, float], ...], ...]]:
     """Per joint the idle part of the time, shape (nv,), and the idle intervals [s]."""
     edges = np.union1d(motion.t, np.linspace(motion.t[0], motion.t[-1], _CELLS + 1))
-    edges = edges[np.append(True, np.diff(edges) > _JUMP * motion.duration)]
+    edges = edges[np.append(True, np.diff(edges) > ROUNDING * motion.duration)]
     edges[-1] = motion.t[-1]
     at = motion((edges[:-1] + edges[1:]) / 2)
     lower, upper = limits.actuators.range(at.q, at.v)
     pushing = np.abs(at.tau - (upper + lower) / 2) >= BUSY * ((upper - lower) / 2)
     fast = np.abs(at.v) >= BUSY * limits.velocity
-    stopped = (at.q <= limits.position_lower + AT_STOP) | (at.q >= limits.position_upper - AT_STOP)
+    stopped = (at.q <= limits.position_lower + LANDING) | (at.q >= limits.position_upper - LANDING)
     idle = ~(pushing | fast | stopped)
     runs = [runs_of(np.flatnonzero(mask)) for mask in idle.T]
     intervals = tuple(tuple((float(edges[run[0]]), float(edges[run[-1] + 1])) for run in each) for each in runs)

@@ -19,8 +19,6 @@ from armdyn.parallel import ForkPool, job_pool
 
 _LISTEN = 0.25
 """Interval [s] at which Ctrl-C is polled while workers solve."""
-_ATTEMPTS = 2
-"""Number of workers that may die of one problem, such as for lack of memory, before the problem is given up."""
 
 
 def solve_many(
@@ -81,7 +79,7 @@ class _Batch:
 
     def share(self, pool: ForkPool[Solution], stop: Stop) -> None:
         """Solve the remaining problems by workers."""
-        waiting, deaths = deque(k for k in range(len(self.problems)) if k not in self._known), dict[int, int]()
+        waiting, deaths = deque(k for k in range(len(self.problems)) if k not in self._known), set[int]()
         while len(self._known) < len(self.problems) and not stop:
             while pool.idle and waiting:
                 pool.submit(waiting[0], waiting.popleft())
@@ -90,11 +88,11 @@ class _Batch:
                     own, solved = self.problems[k], result[0].problem  # for a goal pose, its chosen branch
                     self._add(k, replace(result[0], problem=own if len(own.goals) == 1 else solved))
                     continue
-                deaths[k] = deaths.get(k, 0) + (result is None)
-                if deaths[k] < _ATTEMPTS:
-                    waiting.append(k)
-                else:
+                if result is None and k in deaths:  # such as for lack of memory
                     self._add(k, without_motion(self.problems[k], Status.FAILED, "its worker died, twice"))
+                else:
+                    waiting.append(k)
+                    deaths |= {k} if result is None else set()
 
     def solutions(self) -> list[Solution]:
         """Solutions of all problems; "interrupted" for missing ones."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdyn.optimal.answer.advice import advice
+from armdyn.optimal.problem.checks import ROUNDING
 from armdyn.optimal.problem.poses import endless
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.verify.certificate import Certificate
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
 
 _MOST_LIMITS = 3
 """Largest number of limits that are named as deciding the time."""
-_ROUNDING = 1e-9
-"""Excess, as a part of a limit, that counts as rounding and is not mentioned."""
 
 
 def verdict(solution: Solution) -> str:
@@ -72,7 +71,7 @@ def checks(solution: Solution) -> list[Check]:
     if not solution.moves:
         return []
     largest = certificate.limit_violation
-    kept = "no limit is exceeded" + ("" if largest < _ROUNDING else f" by more than {100 * largest:.2g} % of it")
+    kept = "no limit is exceeded" + ("" if largest < ROUNDING else f" by more than {100 * largest:.2g} % of it")
     if not certificate.keeps_limits and certificate.exceeded is not None:
         kept = str(certificate.exceeded)
     preset = solution.problem.preset

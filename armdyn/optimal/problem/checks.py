@@ -18,14 +18,13 @@ from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.problem.planning_limits import PathConstraintSpec, reserve_words
 from armdyn.reprs import joint_unit
 
-_TYPED = 1e-9
-"""Largest excess of a pose over a position limit that is accepted [rad or m]: poses are typed with ten digits."""
+ROUNDING = 1e-9
+"""Rounding, relative or in [rad or m]: poses are typed with ten digits, and gravity's torque on an upright pole is not
+exactly zero."""
 
-_STILL = 1e-3
-"""Velocity across a position limit that counts as zero [rad/s or m/s]: the motion may slide along the limit."""
-
-_ROUNDING = 1e-9
-"""Relative tolerance of a torque: gravity's torque on an upright pole is not exactly zero."""
+LANDING = 1e-3
+"""Largest goal error that counts as landed [rad or m]: about 1 mm at the tip, which a controller corrects. Likewise the
+velocity across a position limit [rad/s or m/s] with which a motion slides along the limit."""
 
 LEAST_WAY = 1e-6
 """Least way of some joint [rad or m] that is a motion: the end of a motion is certified to as much, a hundredth of the
@@ -34,7 +33,7 @@ resolution of good encoders."""
 LONGEST = 3600.0
 """Largest lower bound on the duration that is accepted [s]; beyond, a limit most likely has a wrong unit."""
 
-SLOWEST = 1e-9
+SLOWEST = ROUNDING
 """Smallest velocity limit that is accepted [rad/s or m/s]: one turn in two hundred years."""
 
 
@@ -42,20 +41,20 @@ def check_state(robot: Robot, limits: JointLimits, q: Array, v: Array, name: str
     """Refuse a state outside the limits; reserve: parts by which the velocity limits are reduced, shape (nv,)."""
     for i, joint in enumerate(robot.joint_names):
         unit = joint_unit(robot.slides[[i]])
-        if not limits.position_lower[i] - _TYPED <= q[i] <= limits.position_upper[i] + _TYPED:
+        if not limits.position_lower[i] - ROUNDING <= q[i] <= limits.position_upper[i] + ROUNDING:
             raise ProblemError(
                 f"{name} of joint {joint!r} (index {i}) is {q[i]:.6g} {unit}, outside its limits "
                 f"[{limits.position_lower[i]:.6g}, {limits.position_upper[i]:.6g}] {unit}"
                 f"{_degrees_words(robot, limits, q)}"
             )
-        if abs(v[i]) > limits.velocity[i] + _TYPED:
+        if abs(v[i]) > limits.velocity[i] + ROUNDING:
             raise ProblemError(
                 f"{name} velocity of joint {joint!r} (index {i}) is {v[i]:.6g} {unit}/s, beyond its limit "
                 f"{limits.velocity[i]:.6g} {unit}/s{reserve_words(reserve[i], limits.velocity[i], f'{unit}/s')}"
             )
         outward = -v[i] if name == "goal" else v[i]  # backwards in time at the goal
         on_upper, on_lower = q[i] >= limits.position_upper[i], q[i] <= limits.position_lower[i]
-        if (on_upper and outward > _STILL) or (on_lower and outward < -_STILL):
+        if (on_upper and outward > LANDING) or (on_lower and outward < -LANDING):
             raise ProblemError(
                 f"{name} of joint {joint!r} (index {i}) is on its position limit {q[i]:.6g} {unit}, and its velocity "
                 f"{v[i]:.6g} {unit}/s {'comes from' if name == 'goal' else 'leads'} beyond: no motion keeps the limit"
@@ -66,7 +65,7 @@ def _degrees_words(robot: Robot, limits: JointLimits, q: Array) -> str:
     """Hint that a pose, shape (nv,), was given in degrees, where that would be within the limits; else empty."""
     turns = ~robot.slides
     meant = np.where(turns, np.deg2rad(q), q)
-    within = (limits.position_lower - _TYPED <= meant) & (meant <= limits.position_upper + _TYPED)
+    within = (limits.position_lower - ROUNDING <= meant) & (meant <= limits.position_upper + ROUNDING)
     if not (np.all(within) and np.any(np.abs(q[turns]) > np.pi)):
         return ""
     return "; did you mean degrees? They would be within all limits: np.deg2rad(…)"
@@ -301,7 +300,7 @@ def holding_deficits(
     _, coulomb = robot.friction.per_joint(robot.nv)
     for i, joint in enumerate(robot.joint_names):
         bound = upper[i] if torque[i] > 0 else lower[i]
-        room = coulomb[i] + _ROUNDING * limits.actuators.scale[i]
+        room = coulomb[i] + ROUNDING * limits.actuators.scale[i]
         if abs(torque[i]) <= abs(bound) + room:
             continue
         unit = "N" if robot.slides[i] else "N m"

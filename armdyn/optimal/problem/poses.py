@@ -14,12 +14,10 @@ from armdyn.errors import ProblemError, SpecError, reraised
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import GoalPose, deviations_of, frame_placement, poses_reaching, slid
 from armdyn.models.values.joint_limits import JointLimits
+from armdyn.optimal.problem.checks import ROUNDING
 
 MOST_GOALS = 16
 """Largest number of goals that are tried: four joints, each either way round."""
-
-_STILL = 1e-9
-"""Distance modulo 2π below which a joint counts as already at its goal and need not move [rad]."""
 
 
 def endless(robot: Robot, limits: JointLimits) -> Flags:
@@ -46,7 +44,7 @@ def goals_with_turns(q_start: Array, goals: Sequence[Array], limits: JointLimits
     for goal in goals:
         away = goal - q_start
         near = np.where(turning, away - 2 * np.pi * np.round(away / (2 * np.pi)), away)
-        near = np.where(np.abs(near) < _STILL, 0.0, near)
+        near = np.where(np.abs(near) < ROUNDING, 0.0, near)
         other = near - np.where(near > 0, 2 * np.pi, -2 * np.pi)
         either = [(a, b) if turns else (a,) for a, b, turns in zip(near, other, turning, strict=True)]
         travels += [np.array(travel) for travel in product(*either)]

@@ -26,6 +26,7 @@ from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.per_joint import per_joint
 from armdyn.models.values.placement import pose_entry
 from armdyn.optimal.problem.checks import (
+    LANDING,
     HoldingDeficit,
     check_accelerations,
     check_clear,
@@ -55,8 +56,6 @@ from armdyn.rendering import renderer
 from armdyn.reprs import brief, called, several_numbers
 from armdyn.trajectory import Trajectory
 
-LANDING = 1e-3
-"""Largest goal error that counts as landed [rad or m]: about 1 mm at the tip, which a controller corrects."""
 _IDLE = 2.0
 """Torque limits of `without_torques` over the largest acceleration: they decide nothing."""
 

@@ -14,8 +14,8 @@ from typing import Literal, Self
 import numpy as np
 
 from armdyn.arguments import number
-from armdyn.optimal.problem.checks import LEAST_WAY
-from armdyn.optimal.problem.problem import LANDING, MinimumTimeProblem
+from armdyn.optimal.problem.checks import LANDING, LEAST_WAY
+from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.verify.limit_violations import worst_violation
 from armdyn.optimal.verify.phases import Phases

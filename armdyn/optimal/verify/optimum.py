@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armdyn.optimal.constraints.constraint import ConstraintReports
+from armdyn.optimal.problem.checks import ROUNDING
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.problem.task import Task
@@ -17,9 +18,6 @@ from armdyn.optimal.verify.limit_violations import excesses
 from armdyn.optimal.verify.phases import Phases
 from armdyn.optimal.verify.sensitivity import Share
 from armdyn.trajectory import Trajectory
-
-_ROUNDING = 1e-12
-"""Part of a velocity limit by which the reserve at an end's velocity may be rounded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +145,7 @@ class MeshMargins:
         problem, limits, reserves = task.problem, task.problem.limits, task.problem.reserves
         weak = np.where(limits.actuators.lower * limits.actuators.upper < 0, self.torque, 0.0)
         fastest = np.max(np.abs([problem.x_start, problem.x_goal]), axis=0)[problem.robot.nv :]
-        spare = np.clip(1 - (1 + _ROUNDING) * fastest / limits.velocity, 0.0, 1.0)
+        spare = np.clip(1 - (1 + ROUNDING) * fastest / limits.velocity, 0.0, 1.0)
         whole = limits.position_upper - limits.position_lower
         room = self.position * np.where(np.isfinite(whole), whole, 1.0)  # 1 rad, as in `excesses`
         lower, upper = limits.position_lower + room, limits.position_upper - room

@@ -33,8 +33,6 @@ _CLIPS = 2
 """Rounds of clipping a torque to its range at the resulting state: each leaves 1e-3 of the excess."""
 _LONGER = 1.0, 0.1
 """Time for the replay after the deadline [s], and part of the time limit: minutes of unstable motion may take more."""
-_REST = 33
-"""Most samples of a replay that the clock has cut short: it misses the goal, and checking it takes time, too."""
 FASTER = 2.0
 """Bandwidth of the feedback over the arm's fastest rate: from 1 on it holds an arm that falls. One that swings gains
 energy by feedback that is half a period late, which samples so close are not."""
@@ -72,7 +70,7 @@ def follow(task: Task, target: Trajectory) -> Trajectory:
     )  # fmt: skip
     if len(x) < count and time.perf_counter() > until:
         task.stop.cut()
-        x = x[:_REST]
+        x = x[:2]  # it misses the goal, and checking it takes time, too
     x = x if len(x) > 1 else np.vstack([x, x])
     m = len(x)
     return replace(target, t=target.t[:m], q=x[:, :n], v=x[:, n:], tau=tau[:m])

@@ -251,7 +251,7 @@ def a_curve_after_an_interrupt():
 
 def curves_that_do_not_converge():
     few = by_curves(noted(between("rr", velocity_limit=5.0)))
-    curves(replace(few, policy=few.policy.changed("sequential", free_patience=1)))
+    curves(replace(few, policy=few.policy.changed("sequential", free_patience=1).changed("curves", patience=1)))
 
 
 def guesses_for_two_workers():
