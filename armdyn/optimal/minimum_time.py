@@ -1,7 +1,7 @@
 """Minimum-time motions: from a problem to its solution."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -147,12 +147,14 @@ def refined(task: Task) -> tuple[list[Optimum], SearchResult]:
 
 def _by(method: Method, task: Task) -> tuple[list[Optimum], SearchResult]:
     """Optima by one method; curves alone avoid obstacles; others ignore them, and clearances are checked."""
-    alone = method == "curves" and task.policy.strategy.curves_alone
-    free = None if alone else _without_obstacles(task)
-    if free is None:
+    problem = task.problem
+    if not problem.has_clearance or (method == "curves" and task.policy.strategy.curves_alone):
         return METHODS[method](task)
-    optima, searched = METHODS[method](free)
-    return _with_clearances(task, optima), searched
+    task.progress("the motion without obstacles")
+    optima, searched = METHODS[method](task.for_problem(problem.without_obstacles()))
+    check = TightenedConstraints.of(task).check
+    reports = (check(problem, one.trajectory, np.array(one.via_times)) for one in optima)
+    return [replace(one, reports=each) for one, each in zip(optima, reports, strict=True)], searched
 
 
 def _certified(task: Task, optimum: Optimum) -> bool:
@@ -177,24 +179,3 @@ def _bounded(task: Task) -> Iterator[Task]:
     job = partial(least_duration, task.problem, task.stop.__bool__, task.policy.bound)
     with concurrently(job, task.workers, task.stop.__bool__, None) as bound:
         yield replace(task, lower_bound=bound)
-
-
-def _without_obstacles(task: Task) -> Task | None:
-    """The task without obstacles and self-collision; None if there are none."""
-    if not task.problem.has_clearance:
-        return None
-    task.progress("the motion without obstacles")
-    return task.for_problem(task.problem.without_obstacles())
-
-
-def _with_clearances(task: Task, optima: Sequence[Optimum]) -> list[Optimum]:
-    """Optima of the task without obstacles, with reports on all constraints of the task.
-
-    Args:
-        task: task with obstacles.
-        optima: optima of the task `_without_obstacles`.
-    """
-    constraints = TightenedConstraints.of(task)
-    return [
-        replace(one, reports=constraints.check(task.problem, one.trajectory, np.array(one.via_times))) for one in optima
-    ]

@@ -13,15 +13,13 @@ from armdyn.optimal.mesh.multistart import grouped, within
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.problem.task import Task
-from armdyn.optimal.verify.certificate import Certificate
+from armdyn.optimal.verify.certificate import LIMIT_TOLERANCE, Certificate
 from armdyn.optimal.verify.optimum import Optimum
 from armdyn.optimal.verify.sensitivity import deciding
 from armdyn.reprs import joint_unit
 from armdyn.trajectory import Trajectory
 
-_ALIKE = 1e-6
-"""Relative difference of durations that count as the same in messages."""
-_NEARLY = 1e-3
+_NEARLY = 1000 * LIMIT_TOLERANCE
 """Largest excess over a limit, as a part of it, of a motion that is reported as the best so far."""
 
 
@@ -37,12 +35,11 @@ def assembled(
         elapsed: wall time [s].
         bound: proven lower bound on the duration [s]; None: unknown. Not used where effort has a weight.
     """
-    best, *others = _certified_first(task, _repeated(task, optima), bound)
+    best, others = _chosen(task, optima, bound)
     decides = best.decides
     if not decides and best.costates:
         decides = deciding(task.problem, best.costates, task.policy.arcs.least_share)
-    deciders = {one.joint for one in decides}
-    idle = tuple(name for name in best.certificate.idle if name not in deciders)
+    idle = tuple(name for name in best.certificate.idle if name not in {one.joint for one in decides})
     certificate, duration = replace(best.certificate, idle=idle), best.trajectory.duration
     status = _status(task, best, found)
     remark = "" if certificate.ok else found.remark
@@ -132,31 +129,22 @@ def ended_in_time(solution: Solution, limit: float) -> Solution:
     return replace(solution, status=Status.TIME_LIMIT, message=f"{ended_by_time(limit)}; {solution.message}")
 
 
-def _repeated(task: Task, optima: list[Optimum]) -> list[Optimum]:
-    """Check the first of the optima, best first, by an integrator of another family: `proof.repeat`.
+def _chosen(task: Task, optima: list[Optimum], bound: float | None) -> tuple[Optimum, list[Optimum]]:
+    """The best of the optima, with its certificate complete, and the others.
 
-    An optimum that fails this check is moved behind the next.
+    They are completed in turn, best first: one that another integrator does not repeat comes behind the next one, and
+    one that is not certified behind a certified one that is as fast.
     """
-    left, judged = sorted(optima, key=lambda optimum: (_rank(optimum), optimum.cost)), list[Optimum]()
-    for k, optimum in enumerate(left):
-        judged.append(as_replayed(task, optimum))
-        if _rank(judged[k]) <= _rank(optimum):
-            return [judged[k], *judged[:k], *left[k + 1 :]]
-    return sorted(judged, key=lambda optimum: (_rank(optimum), optimum.cost))
-
-
-def _certified_first(task: Task, optima: list[Optimum], bound: float | None) -> list[Optimum]:
-    """The optima with the first one judged; a certified one that is as fast replaces an uncertified one."""
-    best, *others = optima
-    best = _judged(task, best, bound)
-    for k, other in enumerate(others):
-        alike = _rank(other) <= _rank(best) and other.cost <= (1 + _ALIKE) * best.cost
-        if best.certificate.ok or not alike:
+    left, known = sorted(optima, key=_order), list[Optimum]()
+    while left:
+        best = min(known, key=_order, default=None)
+        doubtful = best is not None and not best.certificate.ok and _alike(task, left[0], best)
+        if best is not None and _order(best) <= _order(left[0]) and not doubtful:
             break
-        judged = _judged(task, as_replayed(task, other), bound)
-        if judged.certificate.ok:
-            return [judged, best, *others[:k], *others[k + 1 :]]
-    return [best, *others]
+        known.append(_completed(task, left.pop(0), bound))
+    best = min(known, key=_order)
+    best = min((one for one in known if _alike(task, one, best)), key=lambda one: not one.certificate.ok)
+    return best, [one for one in (*known, *left) if one is not best]
 
 
 def with_certificate(solution: Solution, certificate: Certificate) -> Solution:
@@ -165,8 +153,9 @@ def with_certificate(solution: Solution, certificate: Certificate) -> Solution:
     return replace(solution, certificate=certificate, message=solution.message.replace(before, after))
 
 
-def _judged(task: Task, optimum: Optimum, bound: float | None) -> Optimum:
-    """Complete a landed optimum's certificate: lower bound and, for an extremal, the error of the adjoint equations."""
+def _completed(task: Task, optimum: Optimum, bound: float | None) -> Optimum:
+    """An optimum with its certificate complete: repeated, with the lower bound, and an extremal's adjoint error."""
+    optimum = as_replayed(task, optimum)
     certificate = optimum.certificate.bounded(None if task.problem.pays_effort else bound, optimum.trajectory.duration)
     return with_adjoint_check(task, replace(optimum, certificate=certificate))
 
@@ -174,6 +163,16 @@ def _judged(task: Task, optimum: Optimum, bound: float | None) -> Optimum:
 def _rank(optimum: Optimum) -> tuple[bool, bool, bool]:
     """Sort key: motions that land first, then those within limits, then those that satisfy path constraints."""
     return not optimum.landed, not optimum.within_limits, bool(optimum.missed)
+
+
+def _order(optimum: Optimum) -> tuple[bool, bool, bool, float]:
+    """Sort key: `_rank`, then the cost."""
+    return *_rank(optimum), optimum.cost
+
+
+def _alike(task: Task, optimum: Optimum, best: Optimum) -> bool:
+    """Whether an optimum is as good as the best one, but for rounding."""
+    return _rank(optimum) <= _rank(best) and optimum.cost <= (1 + task.policy.same.resolved) * best.cost
 
 
 def _moves(optimum: Optimum) -> bool:

@@ -183,7 +183,7 @@ class MinimumTimeProblem:
         if not several(self.via, "via"):
             check_way(self.robot, self.x_start, self.x_goal)
         self._resolve_path_constraints()
-        warn_if_not_held(self._deficits_at(np.asarray(self.q_goal)))
+        warn_if_not_held(self._deficits_at("goal"))
 
     def _set(self, **resolved: object) -> None:
         """Store attributes as resolved."""
@@ -360,27 +360,25 @@ class MinimumTimeProblem:
 
         Brakes may hold the start; a motion then begins with a fall.
         """
-        ends = (("start", self.q_start, self.v_start), ("goal", self.q_goal, self.v_goal))
-        found = [self._deficits_at(np.asarray(q), pose) for pose, q, v in ends if not np.any(np.asarray(v))]
-        weakest = (next((one for one in each if one.motor and one.beyond), None) for each in found)
-        return tuple(one for one in weakest if one is not None)
+        weak = ([one for one in self._deficits_at(pose) if one.motor and one.beyond] for pose in ("start", "goal"))
+        return tuple(each[0] for each in weak if each)
 
     @property
     def unstable_ends(self) -> tuple[str, ...]:
         """Joints that drift from an end at which the arm should rest, apart from `holding_deficit`, in words.
 
         At the start: joints with too weak motors, which brakes hold until then. At both ends: joints without a motor,
-          which fall unless feedback balances them.
+        which fall unless feedback balances them.
         """
-        found = []
-        for pose, q, v in (("start", self.q_start, self.v_start), ("goal", self.q_goal, self.v_goal)):
-            if not np.any(np.asarray(v)):
-                beyond = [one for one in self._deficits_at(np.asarray(q), pose) if one.beyond]
-                found += [one.words for one in beyond if pose == "start" or not one.motor]
-        return tuple(found)
+        drifting = [one for pose in ("start", "goal") for one in self._deficits_at(pose) if one.beyond]
+        return tuple(one.words for one in drifting if one.pose == "start" or not one.motor)
 
-    def _deficits_at(self, q: Array, pose: str = "goal") -> list[HoldingDeficit]:
-        return [] if self.kinematic else holding_deficits(self.robot, self.limits, q, self.reserves.effort, pose)
+    def _deficits_at(self, pose: str) -> list[HoldingDeficit]:
+        """Joints that cannot hold the arm at an end where it rests, the weakest first."""
+        q, v = self.ends[int(pose == "goal")]
+        if self.kinematic or np.any(v):
+            return []
+        return holding_deficits(self.robot, self.limits, q, self.reserves.effort, pose)
 
     def holding_torque(self) -> Array:
         """Torque that holds the arm still at the goal [N m or N], shape (nv,)."""
