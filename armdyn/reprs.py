@@ -106,16 +106,18 @@ def gap_words(gap: float) -> str:
     return f"proven to be at most {percent(max(gap, 0.0))} slower than the fastest possible"
 
 
-def optimality_words(extremal: bool, gap: float | None) -> str:
+def optimality_words(extremal: bool, gap: float | None, saving: float | None = None) -> str:
     """The two claims on optimality in a few words: of nearby motions by Pontryagin's conditions, of all by the bound.
 
     Args:
         extremal: whether Pontryagin's conditions hold.
         gap: proven gap, as a part of the lower bound; None: no gap is proven.
+        saving: largest first-order saving by a change, as a part of the duration; None: the switching times are exact.
     """
     proven = gap is not None and gap <= USELESS_GAP
     near = f"proven within {percent(max(gap or 0.0, 0.0))} of the fastest" if proven else ""
-    return ", ".join(filter(None, ("locally optimal (Pontryagin)" if extremal else "", near))) or "not proven optimal"
+    how = "Pontryagin" if saving is None else f"to first order, within {percent(saving)}"
+    return ", ".join(filter(None, (f"locally optimal ({how})" if extremal else "", near))) or "not proven optimal"
 
 
 def saving_words(part: float, duration: float, saved: float | None = None, ties: Sequence[str] = ()) -> str:

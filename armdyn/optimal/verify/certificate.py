@@ -172,8 +172,8 @@ class Certificate:
 
     @property
     def claims(self) -> str:
-        """Claims on the motion's optimality in words: locally optimal (Pontryagin), proven within x %."""
-        return optimality_words(self.extremal, self.gap if self.gap_proven else None)
+        """Claims on the motion's optimality in words: locally optimal, proven within x %."""
+        return optimality_words(self.extremal, self.gap if self.gap_proven else None, self.saving)
 
     @property
     def reasons(self) -> tuple[str, ...]:

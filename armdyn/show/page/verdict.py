@@ -114,7 +114,8 @@ def _of_minimum_time(facts: Facts) -> Verdict:
 
 def _claims(facts: Facts) -> str:
     """Claims on the optimality of the fastest motion found."""
-    return optimality_words(facts.true("extremal"), facts.number("gap") if facts.true("gap_proven") else None)
+    gap = facts.number("gap") if facts.true("gap_proven") else None
+    return optimality_words(facts.true("extremal"), gap, facts.part("certificate").number("saving"))
 
 
 def _of_cycle(facts: Facts) -> Verdict:

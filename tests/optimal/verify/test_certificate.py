@@ -123,3 +123,12 @@ def test_a_joint_that_time_does_not_determine_is_idle_and_an_extremal_all_the_sa
 
 def test_no_joint_is_idle_where_every_torque_is_on_its_limit():
     assert solved("rr").certificate.idle == ()
+
+
+def test_the_claim_of_local_optimality_says_how_it_is_known():
+    exact = replace(LANDED, hamiltonian_spread=1e-6, switching_violation=0.0)
+    meshed = replace(LANDED, saving=3e-5)
+    assert exact.claims == "locally optimal (Pontryagin)"
+    assert meshed.extremal and meshed.claims == "locally optimal (to first order, within 0.003 %)"
+    assert meshed.bounded(1.0, 1.02).claims.endswith("0.003 %), proven within 2 % of the fastest")
+    assert replace(LANDED, saving=3e-4).claims == "not proven optimal"
