@@ -17,8 +17,8 @@ from armdyn.cycle.solution import CycleLeg, CycleSolution
 from armdyn.cycle.stops import turns
 from armdyn.errors import CycleError
 from armdyn.models.scene.reaching import GoalPose
-from armdyn.optimal.answer.assembly import ended_by_time, kinematic
-from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.answer.assembly import ended_by_time
+from armdyn.optimal.answer.solution import Solution, kinematic
 from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.effort import Effort
 from armdyn.optimal.bound.lower_bound import least_duration

@@ -9,8 +9,7 @@ from functools import partial
 import numpy as np
 
 from armdyn.arguments import expect, listener, several
-from armdyn.optimal.answer.assembly import without_motion
-from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.answer.solution import Solution, without_motion
 from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.options import MinimumTimeOptions
 from armdyn.optimal.problem.problem import MinimumTimeProblem

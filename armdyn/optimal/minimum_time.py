@@ -11,9 +11,8 @@ import numpy as np
 from armdyn.arguments import expect, listener
 from armdyn.codegen.deadline import NoTimeError
 from armdyn.optimal.answer.advice import followed_by, warn_of_options_without_effect
-from armdyn.optimal.answer.assembly import assembled, ended_by_time, failed, kinematic, without_motion
-from armdyn.optimal.answer.goals import fastest_goal
-from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.answer.assembly import assembled, ended_by_time, failed, fastest_goal
+from armdyn.optimal.answer.solution import Solution, kinematic, without_motion
 from armdyn.optimal.bound.lower_bound import least_duration
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.curves import curves, rough_motions

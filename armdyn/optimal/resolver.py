@@ -16,8 +16,7 @@ from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.scene.reaching import GoalPose
-from armdyn.optimal.answer.assembly import without_motion
-from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.answer.solution import Solution, without_motion
 from armdyn.optimal.curves.curve import CurveLeg
 from armdyn.optimal.curves.live_checking import motion_of
 from armdyn.optimal.curves.live_improving import Guess, improve

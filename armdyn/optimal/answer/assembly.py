@@ -1,23 +1,28 @@
-"""Assembly of a solution: choice among the optima, status and message."""
+"""From optima to a solution: choice among them, status and message; of several goals the fastest solution."""
 
-from collections.abc import Iterable
+import time
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from armdyn.optimal.answer.solution import Solution
-from armdyn.optimal.answer.words import replay_words
+from armdyn.arrays import Array
+from armdyn.models.scene.reaching import GoalPose, slid
+from armdyn.optimal.answer.solution import Solution, with_certificate, without_motion
+from armdyn.optimal.answer.words import found_words, replay_words
+from armdyn.optimal.bound.lower_bound import least_duration
+from armdyn.optimal.curves.goals import GoalResult, screened
 from armdyn.optimal.mesh.candidates import SearchResult
 from armdyn.optimal.mesh.land import as_replayed, with_adjoint_check
 from armdyn.optimal.mesh.multistart import grouped, within
-from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.problem.status import Status, Violation
+from armdyn.optimal.problem.policy.search import GoalPolicy
+from armdyn.optimal.problem.status import Status, Stop, Violation, stopping
 from armdyn.optimal.problem.task import Task
-from armdyn.optimal.verify.certificate import LIMIT_TOLERANCE, Certificate
+from armdyn.optimal.verify.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, Certificate
 from armdyn.optimal.verify.optimum import Optimum
-from armdyn.optimal.verify.sensitivity import deciding
+from armdyn.optimal.verify.sensitivity import deciding, end_gradient, transversality
 from armdyn.reprs import joint_unit
-from armdyn.trajectory import Trajectory
 
 _NEARLY = 1000 * LIMIT_TOLERANCE
 """Largest excess over a limit, as a part of it, of a motion that is reported as the best so far."""
@@ -96,39 +101,6 @@ def failed(task: Task, found: SearchResult, elapsed: float) -> Solution:
     )
 
 
-def without_motion(problem: MinimumTimeProblem, status: Status, why: str, last: Trajectory | None = None) -> Solution:
-    """A solution without a motion, with the reason.
-
-    Args:
-        problem: the problem.
-        status: status of the solve.
-        why: the reason, for the message.
-        last: last iterate; None: the trajectory rests at the start.
-    """
-    if last is None:
-        q, names = np.asarray(problem.q_start), problem.robot.joint_names
-        last = Trajectory.at_rest(q, np.zeros_like(q), 1.0, names, name="no motion")
-    said = f"no motion was found: {why}"
-    nothing = Certificate(np.inf, np.inf, np.inf, remark=f"no motion was found ({why})")
-    return Solution(False, status, said, problem, last.duration, last, nothing, moves=False)
-
-
-def kinematic(problem: MinimumTimeProblem, solution: Solution) -> Solution:
-    """The solution of a kinematic problem from that of its `without_torques`: the motion has no torques."""
-    motion = solution.trajectory
-    motion = replace(motion, tau=np.zeros_like(motion.tau), model_hash=problem.robot.model_hash)
-    posed = solution.problem.variant(robot=problem.robot, kinematic=True, effort_limit=None)
-    own = with_certificate(solution, replace(solution.certificate, replay="accelerations"))
-    return replace(own, problem=posed, trajectory=motion)
-
-
-def ended_in_time(solution: Solution, limit: float) -> Solution:
-    """Mark a solution with several goals, some of which the time limit [s] left untried."""
-    if solution.status is Status.TIME_LIMIT or not solution.success or solution.certificate.ok:
-        return solution
-    return replace(solution, status=Status.TIME_LIMIT, message=f"{ended_by_time(limit)}; {solution.message}")
-
-
 def _chosen(task: Task, optima: list[Optimum], bound: float | None) -> tuple[Optimum, list[Optimum]]:
     """The best of the optima, with its certificate complete, and the others.
 
@@ -145,12 +117,6 @@ def _chosen(task: Task, optima: list[Optimum], bound: float | None) -> tuple[Opt
     best = min(known, key=_order)
     best = min((one for one in known if _alike(task, one, best)), key=lambda one: not one.certificate.ok)
     return best, [one for one in (*known, *left) if one is not best]
-
-
-def with_certificate(solution: Solution, certificate: Certificate) -> Solution:
-    """Replace a solution's certificate, and its message accordingly."""
-    before, after = (_solved(one, solution.duration) for one in (solution.certificate, certificate))
-    return replace(solution, certificate=certificate, message=solution.message.replace(before, after))
 
 
 def _completed(task: Task, optimum: Optimum, bound: float | None) -> Optimum:
@@ -230,7 +196,7 @@ def _message(task: Task, status: Status, optimum: Optimum, found: SearchResult) 
             "" if holding_deficit is None else f"; not usable: the arm cannot stay at the goal: {holding_deficit.words}"
         )
         ended = "" if status is Status.SOLVED else f"{ended_by_time(task.options.time_limit)}; "
-        return ended + _solved(certificate, duration) + stays
+        return ended + found_words(certificate, duration) + stays
     if status is Status.REPLAY_MISSED:
         unit, speed = (joint_unit(certificate.slides, *units) for units in (("rad", "m"), ("rad/s", "m/s")))
         tolerance = f"(tolerance {task.problem.landing:g} {unit})"
@@ -253,5 +219,106 @@ def _message(task: Task, status: Status, optimum: Optimum, found: SearchResult) 
     return said
 
 
-def _solved(certificate: Certificate, duration: float) -> str:
-    return "; ".join((f"{duration:.9g} s", replay_words(certificate), certificate.claims, *certificate.reasons))
+Solve = Callable[[Task, float], Solution]
+
+
+def fastest_goal(task: Task, solve: Solve) -> Solution:
+    """Solve for the most promising goals of a problem; return the best solution, with the goals of all.
+
+    Args:
+        task: of a problem with several goals, or a goal pose.
+        solve: solves a task with one goal within a time limit [s].
+    """
+    started, problem, options, numbers = time.perf_counter(), task.problem, task.options, task.policy.goals
+    until = started + options.time_limit
+    task = replace(task, stop=Stop(until, within=task.stop))
+    tasks, tried = screened(task)
+    solutions: list[Solution] = []
+    for i, branch in enumerate(tasks):
+        if solutions and task.stop:
+            break
+        task.progress(f"goal {i + 1} of the {len(tasks)} best")
+        solutions.append(solve(branch, max(until - time.perf_counter(), 1e-3)))
+        found = solutions[-1].duration if solutions[-1].success else np.inf
+        tried[i] = GoalResult(np.asarray(branch.problem.q_goal), found, refined=True)
+    best = min(solutions, key=lambda solution: (not solution.success, not solution.moves, solution.duration))
+    if problem.goal_pose is not None and best.status is Status.SOLVED:
+        best = _slid_end(best, problem.goal_pose, numbers, partial(_near, task, solve, until))
+    goal = best.problem.x_goal[: problem.robot.nv]
+    if best not in solutions:
+        tried.append(GoalResult(goal, best.duration, refined=True))
+    bound = _bound_of_all(task, solutions, max(until - time.perf_counter(), numbers.bound * options.time_limit))
+    missed = transversality(problem, problem.goal_pose, goal, best.costates)
+    certificate = replace(best.certificate.bounded(bound, best.duration), transversality=missed)
+    tried.sort(key=lambda goal: goal.duration)
+    elapsed = time.perf_counter() - started
+    answer = replace(with_certificate(best, certificate), goals=tuple(tried), solve_time=elapsed)
+    left = task.stop.cut_short and answer.success and not certificate.ok  # goals that were not tried
+    if task.stop.interrupted and answer.status is not Status.INTERRUPTED:
+        said = f"{task.stop.word}; {answer.message}"
+        return replace(answer, success=False, status=Status.INTERRUPTED, message=said)
+    if not left or answer.status is Status.TIME_LIMIT:
+        return answer
+    said = f"{ended_by_time(options.time_limit)}; {answer.message}"
+    return replace(answer, status=Status.TIME_LIMIT, message=said)
+
+
+def _near(task: Task, solve: Solve, until: float, known: Solution, q: Array) -> Solution | None:
+    """The solution for a goal near another one, from that one's motion; None: the time is up."""
+    if task.stop:
+        return None
+    task.progress("the goal moved along the joint positions that reach its pose")
+    near = task.for_problem(known.problem.variant(q_goal=q))
+    return solve(near.with_options(guesses=(known.trajectory,), starts=1), until - time.perf_counter())
+
+
+def _slid_end(
+    best: Solution, goal: GoalPose, numbers: GoalPolicy, solve: Callable[[Solution, Array], Solution | None]
+) -> Solution:
+    """The fastest solution met while the goal descends along its pose, with steps of Barzilai and Borwein (1988).
+
+    Args:
+        best: a solution at one of the joint positions that reach the pose; returned unchanged without costates, or if
+            no neighbour is faster.
+        goal: pose at the goal.
+        numbers: settings of the descent.
+        solve: maps a solution and a new goal, shape (nv,), to the solution there; None: the time is up.
+    """
+    step = numbers.end_first
+    for _ in range(numbers.end_solves):
+        q = best.problem.x_goal[: best.problem.robot.nv]
+        missed = transversality(best.problem, goal, q, best.costates)
+        if (
+            best.costates is None
+            or missed is None
+            or missed == np.inf
+            or missed <= GAP_TOLERANCE / 10
+            or step < numbers.end_least
+        ):
+            break
+        gradient = end_gradient(best.problem.robot, goal, q, best.costates)
+        steepest = float(np.linalg.norm(gradient))
+        by = -min(step, numbers.end_largest) / steepest * gradient
+        moved = slid(best.problem.robot, goal, q, by, best.problem.limits)
+        other = None if moved is None else solve(best, moved)
+        if moved is None or other is None:
+            break
+        if not other.success or other.costates is None or other.duration >= best.duration:
+            step /= 4
+            continue
+        turned = end_gradient(best.problem.robot, goal, moved, other.costates)
+        away, curvature = moved - q, float((moved - q) @ (turned - gradient))
+        step = float(away @ away) / curvature * float(np.linalg.norm(turned)) if curvature > 0 else 2 * step
+        best = other
+    return best
+
+
+def _bound_of_all(task: Task, solutions: list[Solution], seconds: float) -> float | None:
+    """Lower bound on the duration to any goal of the problem, tried or not [s]; None: no bound is known."""
+    if not task.options.bound or any(solution.lower_bound is None for solution in solutions):
+        return None
+    with stopping(seconds, task.stop) as stop:
+        bound = least_duration(task.problem, stop.__bool__, task.policy.bound)
+    if stop.cut_short:
+        task.stop.cut()
+    return bound

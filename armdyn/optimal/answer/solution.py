@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from armdyn.files import attributes
 from armdyn.models.scene.collision import Clearance
 from armdyn.optimal.answer.advice import advice
-from armdyn.optimal.answer.words import assessment, checks, paragraph, verdict
+from armdyn.optimal.answer.words import assessment, checks, found_words, paragraph, verdict
 from armdyn.optimal.constraints.constraint import ConstraintReport
 from armdyn.optimal.curves.goals import GoalResult
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -176,6 +178,38 @@ class Solution:
     def sensitivities(self) -> Sensitivities | None:
         """Derivatives of t_f with respect to payload and limits; None without costates."""
         return None if self.costates is None else sensitivities(self.problem, self.costates)
+
+
+def without_motion(problem: MinimumTimeProblem, status: Status, why: str, last: Trajectory | None = None) -> Solution:
+    """A solution without a motion, with the reason.
+
+    Args:
+        problem: the problem.
+        status: status of the solve.
+        why: the reason, for the message.
+        last: last iterate; None: the trajectory rests at the start.
+    """
+    if last is None:
+        q, names = np.asarray(problem.q_start), problem.robot.joint_names
+        last = Trajectory.at_rest(q, np.zeros_like(q), 1.0, names, name="no motion")
+    said = f"no motion was found: {why}"
+    nothing = Certificate(np.inf, np.inf, np.inf, remark=f"no motion was found ({why})")
+    return Solution(False, status, said, problem, last.duration, last, nothing, moves=False)
+
+
+def kinematic(problem: MinimumTimeProblem, solution: Solution) -> Solution:
+    """The solution of a kinematic problem from that of its `without_torques`: the motion has no torques."""
+    motion = solution.trajectory
+    motion = replace(motion, tau=np.zeros_like(motion.tau), model_hash=problem.robot.model_hash)
+    posed = solution.problem.variant(robot=problem.robot, kinematic=True, effort_limit=None)
+    own = with_certificate(solution, replace(solution.certificate, replay="accelerations"))
+    return replace(own, problem=posed, trajectory=motion)
+
+
+def with_certificate(solution: Solution, certificate: Certificate) -> Solution:
+    """Replace a solution's certificate, and its message accordingly."""
+    before, after = (found_words(one, solution.duration) for one in (solution.certificate, certificate))
+    return replace(solution, certificate=certificate, message=solution.message.replace(before, after))
 
 
 _CHECKS = (

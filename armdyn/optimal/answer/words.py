@@ -154,6 +154,11 @@ def paragraph(solution: Solution) -> str:
     return " ".join(filter(None, said))
 
 
+def found_words(certificate: Certificate, duration: float) -> str:
+    """Duration, replay and claims of a motion, and why it is not certified."""
+    return "; ".join((f"{duration:.9g} s", replay_words(certificate), certificate.claims, *certificate.reasons))
+
+
 def replay_words(certificate: Certificate) -> str:
     """Result of a motion's replay in words: open loop, or by segments and under feedback."""
     slides = certificate.slides

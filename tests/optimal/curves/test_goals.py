@@ -8,7 +8,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.models.scene.reaching import free_directions, slid
-from armdyn.optimal.answer.goals import _slid_end
+from armdyn.optimal.answer.assembly import _slid_end
 from armdyn.optimal.curves.goals import screened
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.sensitivity import end_gradient, transversality
