@@ -15,13 +15,13 @@ from armdyn.optimal.mesh.motion_mesh import ResolvedMotions, mesh_optimum
 from armdyn.optimal.mesh.shooting import replay_on_goal
 from armdyn.optimal.mesh.unknowns import doubled
 from armdyn.optimal.polish.polish import polished
+from armdyn.optimal.polish.structure import Structure
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import GOAL_TOLERANCE, certify
 from armdyn.optimal.verify.optimum import Optimum
 from armdyn.optimal.verify.rollout import replay_of
 from armdyn.optimal.verify.slowing import least_slowing
 from armdyn.parallel import in_processes
-from armdyn.trajectory import Trajectory
 
 _GIVEN_UP = "refinement was given up: its budget of mesh iterations is spent"
 
@@ -117,26 +117,25 @@ def _near(task: Task, attempt: Attempt, resolved: ResolvedMotions) -> Optimum:
     if not asked or task.stop:
         why = "torques are linear between knots" if not asked else f"{task.stop.word} before the arcs were read"
         return Optimum.of(task.problem, replay_on_goal(task, attempt), attempt.intervals, None, why)
-    exact = _exact(task, attempt.trajectory, attempt.intervals)
-    if exact is not None:
-        return exact
-    motion = mesh_optimum(task, attempt, resolved)
+    exact = partial(_exact, task, set())
+    if (found := exact(attempt)) is not None:
+        return found
+    motion = mesh_optimum(task, attempt, resolved, exact)
+    if motion is not None and motion.phases is not None:
+        return motion
     if motion is None or not motion.within_limits:
         own = Optimum.of(task.problem, replay_on_goal(task, attempt), attempt.intervals)
         return own if motion is None else min(own, motion, key=partial(_rank, task))
-    exact = _exact(task, motion.trajectory, motion.intervals)
-    if exact is not None and exact.cost <= (1 + task.policy.same.resolved) * motion.cost:
-        return exact
     arcs = arcs_of(task.problem, motion.trajectory, task.policy.arcs)
     return replace(motion, arcs=arcs)
 
 
-def _exact(task: Task, motion: Trajectory, intervals: int) -> Optimum | None:
+def _exact(task: Task, solved: set[Structure], mesh: Attempt) -> Optimum | None:
     """The certified motion of a mesh's bang arcs, checked by another integrator; None: there is none."""
-    phases = polished(task, motion)
+    phases = polished(task, mesh.trajectory, solved)
     if phases is None:
         return None
-    found = Optimum.of(task.problem, replay_of(task, phases.torques), intervals, phases)
+    found = Optimum.of(task.problem, replay_of(task, phases.torques), mesh.intervals, phases)
     if found.certificate.ok:
         found = with_adjoint_check(task, as_replayed(task, found))
     return found if found.certificate.ok else None

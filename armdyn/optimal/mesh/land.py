@@ -55,7 +55,7 @@ def with_adjoint_check(task: Task, optimum: Optimum) -> Optimum:
     known = optimum.certificate.adjoint_error is not None
     if optimum.phases is None or known or not optimum.certificate.extremal:
         return optimum
-    error = adjoint_error(task.problem.robot, optimum.trajectory, optimum.phases, task.policy.adjoint)
+    error = adjoint_error(task.problem.robot, optimum.trajectory, optimum.phases)
     return replace(optimum, certificate=replace(optimum.certificate, adjoint_error=error))
 
 

@@ -32,7 +32,7 @@ from armdyn.optimal.problem.policy import Policy
 from armdyn.optimal.problem.policy.landing import ShootingPolicy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.verify.costates import Costates
-from armdyn.optimal.verify.rollout import transitions
+from armdyn.optimal.verify.rollout import gauss_steps
 from armdyn.trajectory import Trajectory
 
 
@@ -76,8 +76,8 @@ def mesh_costates(
     x = np.stack([motion.x[:-1], np.concatenate([at.q, at.v], axis=1), motion.x[1:]])
     tau = np.stack([motion.tau[:, 0], np.mean(motion.tau, axis=1), motion.tau[:, 1]])
     torques = np.stack([tau[:2].reshape(-1, n), tau[1:].reshape(-1, n)], axis=1)
-    steps = transitions(robot, np.tile(h / 2, 2), x[:2].reshape(-1, 2 * n), torques, policy.adjoint, size)
-    if steps is None:
+    steps = gauss_steps(robot)(np.tile(h / 2, 2), x[:2].reshape(-1, 2 * n), torques)[1]
+    if not np.all(np.isfinite(steps)):
         return None
     first, second = (steps.swapaxes(1, 2) * size[:, None] / size).reshape(2, h.size, 2 * n, 2 * n)
     carried, (q, v) = first @ second, np.split(x.reshape(-1, 2 * n), 2, axis=1)

@@ -276,16 +276,20 @@ def _in_parts(knots: Array, counts: Index) -> Array:
     return np.append(knots[own] + np.diff(knots)[own] * (part / counts[own]), knots[-1])
 
 
-def mesh_optimum(task: Task, attempt: Attempt, resolved: ResolvedMotions) -> Optimum | None:
+def mesh_optimum(
+    task: Task, attempt: Attempt, resolved: ResolvedMotions, exact: Callable[[Attempt], Optimum | None]
+) -> Optimum | None:
     """Resolved motion of a mesh, landed by multiple shooting, with the bound on its first-order saving.
 
     Args:
         task: the problem and its settings.
         attempt: a solution near the motion.
         resolved: cache of the problem's resolved motions, extended here.
+        exact: maps a solution on a mesh to the exact motion near it, if there is one.
 
     Returns:
-        None if no mesh converges, the motion does not land, or a usable one is much faster.
+        The exact motion, or the mesh's; None if no mesh converges, the motion does not land, or a usable one is much
+        faster.
     """
     meshes, tried, best = _Meshes(task, resolved), list[Attempt](), None
     for rough in meshes.finer(attempt):
@@ -294,8 +298,11 @@ def mesh_optimum(task: Task, attempt: Attempt, resolved: ResolvedMotions) -> Opt
             return known[0]
         if len(tried) > 1 and resolved.beats(rough):
             break
+        if len(tried) > 1 and (best := exact(rough)) is not None:
+            break
     else:
-        best = _divided_until_certified(meshes, meshes.sharp(tried[-1])) if tried else None
+        sharp = meshes.sharp(tried[-1]) if tried else None
+        best = None if sharp is None else exact(sharp) or _divided_until_certified(meshes, sharp)
     resolved.add(tried, best)
     return best
 

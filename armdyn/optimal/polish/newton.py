@@ -121,22 +121,20 @@ def fastest(motion: BangMotion, stop: Stop) -> tuple[BangMotion, Array | None]:
         The motion, and None if it is the fastest. Else the last one, and the lengths of the arcs that Newton's method
         proposed, shape (K,); without arcs of negative length there, it failed.
     """
-    numbers, before = motion.shooting.policy.polish, np.inf
+    numbers, before, settled = motion.shooting.policy.polish, np.inf, False
     for _ in range(numbers.rounds):
         gap, stationary = motion.errors
         settled = gap <= numbers.closed and stationary <= numbers.stationary
-        if settled and (gap <= numbers.rounding or gap > before / 2):
-            return motion, None
+        if stop or (settled and (gap <= numbers.rounding or gap > before / 2)):
+            break
         before = gap
-        found = None if stop else _step(motion)
-        if found is None:
+        if (found := _step(motion)) is None:
             break
         change, costate = found
-        better = _accepted(motion, change, costate)
-        if better is None:
-            return motion, motion.lengths + change[: motion.lengths.size]
+        if (better := _accepted(motion, change, costate)) is None:
+            return motion, None if settled else motion.lengths + change[: motion.lengths.size]
         motion = better
-    return motion, motion.lengths
+    return motion, None if settled else motion.lengths
 
 
 def _objective(motion: BangMotion) -> Array:

@@ -4,7 +4,7 @@ Every segment is integrated from its own first state (multiple shooting; Bock an
 values are scaled: states by the joints' ways and speeds, times by the duration.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -13,9 +13,8 @@ from armdyn.arrays import Array, Index
 from armdyn.dynamics.numeric import forward_dynamics, forward_dynamics_derivatives
 from armdyn.optimal.polish.structure import Switches
 from armdyn.optimal.problem.policy import Policy
-from armdyn.optimal.problem.policy.refinement import AdjointPolicy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.verify.rollout import gauss_steps, transitions
+from armdyn.optimal.verify.rollout import gauss_steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,16 +98,8 @@ class BangShooting:
         """
         h, start, torques = self.seconds(lengths), x * self.size, np.stack([self.tau, self.tau], axis=1)
         end, by_start, _ = gauss_steps(self.problem.robot)(h, start, torques, self.policy.polish.steps)
-        exact = None
-        if np.all(np.isfinite(by_start)):
-            exact = transitions(self.problem.robot, h, start, torques, self.precise, self.size)
-        by_start = (by_start if exact is None else exact) * self.size / self.size[:, None]
+        by_start = by_start * self.size / self.size[:, None]
         return Ends(end / self.size, by_start, self._rate(end) * self.unit / self.size)
-
-    @property
-    def precise(self) -> AdjointPolicy:
-        """Tolerances of sensitivities."""
-        return replace(self.policy.adjoint, precise=self.policy.polish.precise)
 
     def seconds(self, lengths: Array) -> Array:
         """Lengths of the segments [s], shape (S,)."""
@@ -126,7 +117,7 @@ class BangShooting:
             ends: their ends.
             costate: scaled, shape (S, 2 nv).
         """
-        count, m, h = 2 * self.policy.polish.steps, self.size.size, self.seconds(lengths)
+        count, m, h = self.policy.polish.steps, self.size.size, self.seconds(lengths)
         torques, step = np.stack([self.tau, self.tau], axis=1), gauss_steps(self.problem.robot)
         states, flows = [x * self.size], [np.tile(np.eye(m), (h.size, 1, 1))]
         for _ in range(count):

@@ -16,7 +16,6 @@ import numpy as np
 from armdyn.arrays import Array, Flags
 from armdyn.dynamics.numeric import forward_dynamics, joint_inertia
 from armdyn.models.robots.robot import Robot
-from armdyn.optimal.problem.policy.refinement import AdjointPolicy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.tableau import lagrange
 from armdyn.optimal.verify.arc import HELD, POSITION, UPPER_LIMITS, VELOCITY, outward
@@ -124,7 +123,7 @@ def _at_knots(phases: Phases) -> Array:
     return np.vstack([start, end[-1:]])
 
 
-def adjoint_error(robot: Robot, replay: Trajectory, phases: Phases, numbers: AdjointPolicy) -> float:
+def adjoint_error(robot: Robot, replay: Trajectory, phases: Phases) -> float:
     """Residual of the costates in the adjoint equations, as a change of H, relative to time's 1.
 
     A difference in ρ_q is weighted by the joint's largest velocity, one in ρ_v by its largest acceleration.
@@ -133,7 +132,6 @@ def adjoint_error(robot: Robot, replay: Trajectory, phases: Phases, numbers: Adj
         robot: the robot.
         replay: replay of the motion.
         phases: the arcs, with costates.
-        numbers: tolerances of the integration.
 
     Returns:
         The largest difference at any knot, of any joint; infinite if the replay or the integration broke off.
@@ -150,10 +148,9 @@ def adjoint_error(robot: Robot, replay: Trajectory, phases: Phases, numbers: Adj
         return float("inf")
     a = forward_dynamics(robot)(motion.q, motion.v, motion.tau)
     peaks = [np.max(np.abs(each), axis=0) for each in (motion.v, a)]
-    size = np.concatenate([np.maximum(each, numbers.least_speed * np.max(each)) for each in peaks])
-    numbers = replace(numbers, precise=numbers.precise / max(float(np.max(np.abs(phases.costate * size))), 1.0))
+    size = np.concatenate([np.maximum(each, 1e-3 * np.max(each)) for each in peaks])
     x, tau = np.concatenate([motion.q, motion.v], axis=1), np.stack([motion.tau[:-1], motion.tau_end], axis=1)
-    steps = transitions(robot, np.diff(t), x[:-1], tau, numbers, size)
+    steps = transitions(robot, np.diff(t), x[:-1], tau, size)
     if steps is None:
         return float("inf")
     place, own = np.searchsorted(t, np.minimum(phases.t, t[-1])), size.size

@@ -38,7 +38,7 @@ def attempted(problem):
 
 def resolved(task, attempt):
     """Optimum that the meshes of an attempt are resolved to."""
-    return mesh_optimum(task, attempt, ResolvedMotions(task.policy.motion_mesh))
+    return mesh_optimum(task, attempt, ResolvedMotions(task.policy.motion_mesh), lambda mesh: None)
 
 
 @cache

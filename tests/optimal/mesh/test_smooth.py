@@ -1,7 +1,5 @@
 """Time-energy optima by the direct method."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -103,7 +101,6 @@ def test_effort_says_how_many_guesses_there_are(monkeypatch, effort, count):
 @pytest.mark.slow
 def test_where_costates_stray_from_the_adjoint_equations_the_replay_is_finer(monkeypatch):
     task = Task.of(paper_problem("rr", effort_weight=1.0, effort_limit=30.0))
-    task = replace(task, policy=task.policy.changed("adjoint", precise=1e-7))  # distinguishes errors of 4e-8
     (plain,), _ = time_energy(task)
     strays = plain.certificate.adjoint_error
     monkeypatch.setattr("armdyn.optimal.mesh.smooth.OPTIMALITY_TOLERANCE", strays / 2)

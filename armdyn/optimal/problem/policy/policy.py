@@ -16,7 +16,6 @@ from armdyn.optimal.problem.policy.landing import LandingPolicy, PathConstraintP
 from armdyn.optimal.problem.policy.live import LivePolicy
 from armdyn.optimal.problem.policy.polish import PolishPolicy
 from armdyn.optimal.problem.policy.refinement import (
-    AdjointPolicy,
     ArcsPolicy,
     MotionMeshPolicy,
     RefinementPolicy,
@@ -93,7 +92,6 @@ class Policy:
         polish: exact switching times of a mesh's bang arcs.
         landing: terminal correction of a mesh's torques.
         shooting: multiple shooting, and costates along its motion.
-        adjoint: integration of the adjoint equations.
         smooth: optima of time and energy.
         path_constraints: tightening of path constraints.
         curves: motions as curves.
@@ -114,7 +112,6 @@ class Policy:
     polish: PolishPolicy = field(default_factory=PolishPolicy)
     landing: LandingPolicy = field(default_factory=LandingPolicy)
     shooting: ShootingPolicy = field(default_factory=ShootingPolicy)
-    adjoint: AdjointPolicy = field(default_factory=AdjointPolicy)
     smooth: SmoothPolicy
     path_constraints: PathConstraintPolicy = field(default_factory=PathConstraintPolicy)
     curves: CurvePolicy

@@ -221,24 +221,6 @@ class ArcsPolicy:
 
 
 @dataclass(frozen=True, kw_only=True)
-class AdjointPolicy:
-    """Tuned numbers of the integration of the adjoint equations along a replay."""
-
-    cases: ClassVar = PLANAR
-
-    precise: float = tuned(
-        1e-5,
-        "-",
-        "difference of the last two extrapolations of a segment's propagator, in its effect on H: the rest "
-        "changes the costates' error by 4e-7 at most, less than a hundredth of its tolerance",
-        "R, RR, RRR, three random RRR",
-    )
-    levels: int = tuned(5, "extrapolations", "of a segment's derivative, at most: smooth motions take three or four")
-    most_rough: int = tuned(2000, "segments", "that may need more: five times the usual number of segments")
-    least_speed: float = tuned(1e-9, "of the fastest joint", "least speed of a joint in scales")
-
-
-@dataclass(frozen=True, kw_only=True)
 class SmoothPolicy:
     """Tuned numbers of the search and refinement of time-energy optima."""
 
