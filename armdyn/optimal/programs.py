@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Self
 
 import casadi as ca
 import numpy as np
@@ -33,6 +32,8 @@ from armdyn.trajectory import Trajectory
 
 MOST_INTERVALS = 10_000
 """Largest number of intervals of a program: beyond, its expressions take gigabytes."""
+_Unknowns = dict[str, tuple[Index, ArrayLike]]
+"""Indices and units of the unknowns of one kind, shape (places, nv) or (places, 1), by names with the place as {}."""
 
 
 @brief
@@ -112,14 +113,17 @@ def build_mesh(
     data = assemble_mesh(task, guess or spline(task.problem, []), intervals, constraints)
     nlp = with_rows(task.dynamics, task.scheme, intervals, constraints.rows(task.problem))
     layout, scales, n = data.layout, data.scales, task.problem.robot.nv
-    names = _Names.empty(layout.size(intervals), task.problem.robot.joint_names)
-    for letter, states in (("", layout.states(intervals)), ("middle ", layout.inner_states(intervals)[:, 0])):
-        names.put(f"{letter}q", states[:, :n], scales.length)
-        names.put(f"{letter}v", states[:, n:], scales.speed)
+    states, middles = layout.states(intervals), layout.inner_states(intervals)[:, 0]
     knots = layout.knots(intervals)[:, layout.knot.torque]
-    names.put("tau", knots if layout.linear else layout.torques(intervals)[:, 0], scales.effort)
-    names.put("T", layout.times(intervals)[:, None], scales.time)
-    return _built(task, nlp, data, names, lambda x: data.motion(x, task.problem.robot.joint_names))
+    unknowns: _Unknowns = {
+        "q[{}]": (states[:, :n], scales.length),
+        "v[{}]": (states[:, n:], scales.speed),
+        "middle q[{}]": (middles[:, :n], scales.length),
+        "middle v[{}]": (middles[:, n:], scales.speed),
+        "tau[{}]": (knots if layout.linear else layout.torques(intervals)[:, 0], scales.effort),
+        "T[{}]": (layout.times(intervals)[:, None], scales.time),
+    }
+    return _built(task, nlp, data, unknowns, lambda x: data.motion(x, task.problem.robot.joint_names))
 
 
 def build_curve(
@@ -144,14 +148,14 @@ def build_curve(
     shape, rows = curve_layout(task.problem, curve, spec.constraints), rows_of(task.problem, spec.constraints)
     scales = units_of(task.problem, curve, shape, rows)
     data, units = assemble_curve(task, curve, spec, shape, scales), shape.units(*scales)
-    names = _Names.empty(shape.size, task.problem.robot.joint_names)
+    unknowns: _Unknowns = {}
     for leg in shape.legs:
-        own = f"{leg}," if len(shape.legs) > 1 else ""
-        names.put("point", shape.points(leg), units[shape.points(leg)], own)
-        names.put("tau", shape.torques(leg), task.problem.limits.actuators.half_range, own)
-        names.put("T", np.array([[shape.duration(leg)]]), scales[1], own)
+        own = f"[{leg},{{}}]" if len(shape.legs) > 1 else "[{}]"
+        unknowns[f"point{own}"] = shape.points(leg), units[shape.points(leg)]
+        unknowns[f"tau{own}"] = shape.torques(leg), task.problem.limits.actuators.half_range
+        unknowns[f"T{own}"] = np.array([[shape.duration(leg)]]), scales[1]
     program = build(task.dynamics, shape, rows, False)
-    return _built(task, program, data, names, lambda x: sampled(task, shape.curve(curve, x * units)))
+    return _built(task, program, data, unknowns, lambda x: sampled(task, shape.curve(curve, x * units)))
 
 
 def _task(
@@ -175,26 +179,6 @@ def _along(problem: MinimumTimeProblem, guess: Trajectory, basis: Basis) -> Curv
     return Curve(tuple(legs))
 
 
-@dataclass(frozen=True, eq=False)
-class _Names:
-    """Names and units of unknowns, written part by part."""
-
-    names: list[str]
-    units: Array
-    joints: tuple[str, ...]
-
-    @classmethod
-    def empty(cls, size: int, joints: tuple[str, ...]) -> Self:
-        return cls([""] * size, np.ones(size), joints)
-
-    def put(self, letter: str, index: Index, unit: ArrayLike, leg: str = "") -> None:
-        """Name unknowns of one kind, shape (places, nv) or (places, 1)."""
-        self.units[index] = unit
-        for k, row in enumerate(index):
-            for place, part in zip(row, _parts(row.size, self.joints), strict=True):
-                self.names[place] = f"{letter}[{leg}{k}]{part}"
-
-
 def _parts(count: int, joints: tuple[str, ...]) -> list[str]:
     """Endings of the names of several numbers at one place."""
     if count == len(joints):
@@ -203,12 +187,18 @@ def _parts(count: int, joints: tuple[str, ...]) -> list[str]:
 
 
 def _built(
-    task: Task, program: Program, data: NlpData, unknowns: _Names, motion: Callable[[Array], Trajectory]
+    task: Task, program: Program, data: NlpData, unknowns: _Unknowns, motion: Callable[[Array], Trajectory]
 ) -> MotionProgram:
+    names, units, joints = [""] * len(data.x), np.ones(len(data.x)), task.problem.robot.joint_names
+    for name, (index, unit) in unknowns.items():
+        units[index] = unit
+        for k, row in enumerate(index):
+            for place, part in zip(row, _parts(row.size, joints), strict=True):
+                names[place] = f"{name.format(k)}{part}"
     x, p, f, g = (program.functions[name] for name in "xpfg")
     f, g = ca.substitute([f, g], [p], [ca.DM(data.p)])
-    names, rows = tuple(unknowns.names), tuple(_rows(program.blocks, unknowns.joints))
-    return MotionProgram(x, f, g, names, *data.x_bounds, unknowns.units, rows, *data.g_bounds, data.x, motion)
+    rows = tuple(_rows(program.blocks, joints))
+    return MotionProgram(x, f, g, tuple(names), *data.x_bounds, units, rows, *data.g_bounds, data.x, motion)
 
 
 def _rows(blocks: tuple[Block, ...], joints: tuple[str, ...]) -> Iterator[str]:
