@@ -17,7 +17,7 @@ from armdyn.models.scene.obstacles import PAYLOAD_KEYS, payload_from
 from armdyn.models.values.spec import Payload
 from armdyn.optimal import problem_files
 from armdyn.optimal.problem.options import MinimumTimeOptions
-from armdyn.optimal.problem.robot_tables import robot_from
+from armdyn.optimal.problem.tables import robot_from
 from armdyn.optimal.problem_files import conditions_from, only_tables, place_from, via_from
 from armdyn.parsing.toml import Table, read_toml
 

@@ -22,13 +22,13 @@ from armdyn.optimal.constraints.regions import FrameRegion
 from armdyn.optimal.constraints.registry import path_constraint_from
 from armdyn.optimal.problem.options import MinimumTimeOptions
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.problem.robot_tables import robot_from
+from armdyn.optimal.problem.tables import robot_from
 from armdyn.parsing.toml import Table, read_toml
 
 TABLES = ("robot", "problem", "options")
 OPTIONS = ("method", "search", "starts", "time_limit", "max_intervals", "seed", "calm")
 PROBLEM = tuple(field.name for field in fields(MinimumTimeProblem) if field.init and field.name != "robot")
-"""Keys of [problem]; those of [robot] are `problem.robot_tables.KEYS`."""
+"""Keys of [problem]; those of [robot] are `problem.tables.KEYS`."""
 GOAL_POSE = ("frame", "position", "quaternion", "rpy", "free", "tolerance")
 """Keys of a goal pose."""
 

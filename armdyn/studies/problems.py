@@ -19,7 +19,7 @@ from armdyn.models.scene.obstacles import obstacle_entry, obstacle_from
 from armdyn.models.scene.scenes import load_scene
 from armdyn.models.values.joint_limits import scaled_limits
 from armdyn.optimal import MinimumTimeProblem
-from armdyn.optimal.problem.robot_tables import robot_from
+from armdyn.optimal.problem.tables import robot_from
 from armdyn.optimal.problem_files import PROBLEM, problem_from
 from armdyn.parsing.toml import Table
 from armdyn.studies.rows import Value

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, field, fields, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
@@ -19,12 +19,11 @@ from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.scene.collision import CollisionModel, collision_model
-from armdyn.models.scene.obstacles import Obstacle, check_scene, contacts, obstacle_entry
+from armdyn.models.scene.obstacles import Obstacle, check_scene, contacts
 from armdyn.models.scene.reaching import GoalPose, poses_reaching
 from armdyn.models.values.actuator_limits import ConstantTorque
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.per_joint import per_joint
-from armdyn.models.values.placement import pose_entry
 from armdyn.optimal.problem.checks import (
     LANDING,
     HoldingDeficit,
@@ -50,7 +49,7 @@ from armdyn.optimal.problem.planning_limits import (
     resolved_limits,
 )
 from armdyn.optimal.problem.poses import Via, check_via_regions, endless, goals_with_turns, via_positions
-from armdyn.optimal.problem.robot_tables import robot_table
+from armdyn.optimal.problem.tables import problem_table, robot_table
 from armdyn.parsing.toml import MAX_BYTES, to_toml
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called, several_numbers
@@ -318,16 +317,8 @@ class MinimumTimeProblem:
             SpecError: the robot was made from a Pinocchio model, or was changed by hand.
             ProblemError: a path constraint has no text, see `PathConstraint.option_text`; or the file is too large.
         """
-        given = {}
-        for own in fields(self):
-            value = self.own_rates.get(own.name, getattr(self, own.name))
-            found = own.name == "q_goal" and self.goal_pose is not None  # by inverse kinematics
-            if own.init and own.name != "robot" and not found and not _is_default(value, own.default):
-                given[own.name] = _plain(value)
-        if isinstance(self.effort_limit, tuple) and len(self.effort_limit) == 2:
-            given["effort_limit"] = [np.broadcast_to(end, self.robot.nv).tolist() for end in self.effort_limit]
         robot = robot_table(self.robot, None if folder is None else path_of(folder, "folder"))
-        text = to_toml({"robot": robot, "problem": given})
+        text = to_toml({"robot": robot, "problem": problem_table(self, self.own_rates)})
         if (size := len(text.encode())) > MAX_BYTES:
             raise ProblemError(
                 f"the problem file would have {size} bytes, and {MAX_BYTES} are read: write large meshes and point "
@@ -490,36 +481,6 @@ class MinimumTimeProblem:
         if kept.any:  # which may leave almost zero velocity
             check_limits(robot, left)
         return left
-
-
-def _is_default(value: object, default: object) -> bool:
-    """Whether a field has its default value; zero velocity counts as default."""
-    if isinstance(value, tuple | list) or value is None:
-        return not value
-    if isinstance(value, np.ndarray):
-        return bool(np.all(value == (0.0 if default is None else default)))
-    return value == default
-
-
-def _plain(value: Any) -> Any:
-    """A field's value as numbers, strings, lists and tables, for TOML."""
-    if isinstance(value, GoalPose):
-        region = {"free": list(value.free), "tolerance": list(value.tolerance)}
-        return {
-            "frame": value.frame,
-            **pose_entry(value.pose.homogeneous, turned=np.ndim(value.placement) == 2),
-            **{name: entries for name, entries in region.items() if entries},
-        }
-    if isinstance(value, Obstacle):
-        return obstacle_entry(value)
-    if isinstance(value, PathConstraintSpec):
-        entry = value.entry()
-        return entry if isinstance(entry, str) else {key: _plain(one) for key, one in entry.items()}
-    if isinstance(value, ControllerPreset):
-        return value.to_text() or value.to_table()
-    if isinstance(value, tuple | list):
-        return [_plain(one) for one in value]
-    return np.asarray(value).tolist()
 
 
 def expect_problem(problem: object) -> MinimumTimeProblem:

@@ -1,4 +1,4 @@
-"""Reader and writer of the table [robot] of a problem file."""
+"""Tables of a problem file: reader and writer of [robot], writer of [problem]."""
 
 import os
 from collections.abc import Iterable, Mapping
@@ -12,14 +12,25 @@ import numpy as np
 from armdyn.arguments import shown
 from armdyn.errors import SpecError
 from armdyn.models.mjcf.reading import read_mjcf
+from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.reading.urdf_xml import read_urdf
 from armdyn.models.robots.poses import position_of
 from armdyn.models.robots.robot import Robot
 from armdyn.models.robots.source import RobotOptions, RobotSource
-from armdyn.models.scene.obstacles import PAYLOAD_KEYS, TOOL_KEYS, payload_entry, payload_from, tool_from
+from armdyn.models.scene.obstacles import (
+    PAYLOAD_KEYS,
+    TOOL_KEYS,
+    Obstacle,
+    obstacle_entry,
+    payload_entry,
+    payload_from,
+    tool_from,
+)
+from armdyn.models.scene.reaching import GoalPose
 from armdyn.models.values.actuator_limits import torque_speed_entry
 from armdyn.models.values.placement import POSE_KEYS, pose_entry, pose_from
 from armdyn.models.values.spec import PLANAR_ARMS, ArmSpec, LinkSpec
+from armdyn.optimal.problem.planning_limits import PathConstraintSpec
 from armdyn.parsing.numbers import FREE
 from armdyn.parsing.toml import Table
 
@@ -206,3 +217,51 @@ def _written_source(origin: RobotSource, folder: str | os.PathLike[str] | None) 
     if origin.format == "urdf":
         return {"urdf": read_urdf(origin.file)}
     return {"mjcf": ElementTree.tostring(read_mjcf(origin.file), "unicode")}  # with its includes
+
+
+def problem_table(problem: Any, own_rates: Mapping[str, Any]) -> dict[str, Any]:
+    """The table [problem] that describes a `MinimumTimeProblem`.
+
+    Args:
+        problem: the problem.
+        own_rates: its limits of acceleration and jerk as given, without the preset's.
+    """
+    given = {}
+    for own in fields(problem):
+        value = own_rates.get(own.name, getattr(problem, own.name))
+        found = own.name == "q_goal" and problem.goal_pose is not None  # by inverse kinematics
+        if own.init and own.name != "robot" and not found and not _is_default(value, own.default):
+            given[own.name] = _plain(value)
+    if isinstance(problem.effort_limit, tuple) and len(problem.effort_limit) == 2:
+        given["effort_limit"] = [np.broadcast_to(end, problem.robot.nv).tolist() for end in problem.effort_limit]
+    return given
+
+
+def _is_default(value: object, default: object) -> bool:
+    """Whether a field has its default value; zero velocity counts as default."""
+    if isinstance(value, tuple | list) or value is None:
+        return not value
+    if isinstance(value, np.ndarray):
+        return bool(np.all(value == (0.0 if default is None else default)))
+    return value == default
+
+
+def _plain(value: Any) -> Any:
+    """A field's value as numbers, strings, lists and tables, for TOML."""
+    if isinstance(value, GoalPose):
+        region = {"free": list(value.free), "tolerance": list(value.tolerance)}
+        return {
+            "frame": value.frame,
+            **pose_entry(value.pose.homogeneous, turned=np.ndim(value.placement) == 2),
+            **{name: entries for name, entries in region.items() if entries},
+        }
+    if isinstance(value, Obstacle):
+        return obstacle_entry(value)
+    if isinstance(value, PathConstraintSpec):
+        entry = value.entry()
+        return entry if isinstance(entry, str) else {key: _plain(one) for key, one in entry.items()}
+    if isinstance(value, ControllerPreset):
+        return value.to_text() or value.to_table()
+    if isinstance(value, tuple | list):
+        return [_plain(one) for one in value]
+    return np.asarray(value).tolist()
