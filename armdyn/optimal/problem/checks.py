@@ -185,28 +185,28 @@ def check_path_constraints(path_constraints: object) -> tuple[PathConstraintSpec
     return tuple(found)
 
 
-def check_clear(model: CollisionModel, poses: Sequence[tuple[str, Array]], clearance: float) -> None:
-    """Refuse a named pose that violates the clearance [m]."""
-    for name, q in poses:
+def clear_goals(problem: Any) -> tuple[Array, ...]:
+    """Goals of a `MinimumTimeProblem` that keep the clearance; refuse a start, a via point or all goals in contact."""
+    model, clearance = problem.collision_model(), problem.clearance
+
+    def refused(what: str, q: Array, contacts: Sequence[Clearance]) -> ContactError:
+        rest = len(contacts) - 1
+        more = f", and {rest} more {'pairs are' if rest > 1 else 'pair is'} too near" if rest else ""
+        message = f"{what} {contacts[0].bodies()}{more}; {_needed(model, contacts[0], clearance)}"
+        return ContactError(message, model.robot, model.obstacles, q, contacts)
+
+    fixed = [("start", problem.poses[0]), *((f"via[{i}]", q) for i, q in enumerate(problem.poses[1:-1]))]
+    for name, q in [*fixed, *([("goal", problem.poses[-1])] if problem.goal_pose is None else [])]:
         if contacts := model.nearer(q, clearance):
-            rest = len(contacts) - 1
-            more = f", and {rest} more {'pairs are' if rest > 1 else 'pair is'} too near" if rest else ""
-            message = f"at the {name}, {contacts[0].bodies()}{more}; {_needed(model, contacts[0], clearance)}"
-            raise ContactError(message, model.robot, model.obstacles, q, contacts)
-
-
-def clear_goals(model: CollisionModel, goals: Sequence[Array], clearance: float) -> tuple[Array, ...]:
-    """Goals that keep the clearance [m]; refuses a problem without any."""
-    contacts = [model.nearer(q, clearance) for q in goals]
-    clear = tuple(q for q, near in zip(goals, contacts, strict=True) if not near)
-    if not clear:
-        k = max(range(len(goals)), key=lambda k: contacts[k][0].distance)
-        message = (
-            f"the goal pose cannot be reached clear of everything: in the best of {len(goals)} branches "
-            f"{contacts[k][0].bodies()}; {_needed(model, contacts[k][0], clearance)}"
-        )
-        raise ContactError(message, model.robot, model.obstacles, goals[k], contacts[k])
-    return clear
+            raise refused(f"at the {name},", q, contacts)
+    if problem.goal_pose is None:
+        return tuple(problem.goals)
+    near = [model.nearer(q, clearance) for q in problem.goals]
+    if all(near):
+        k = max(range(len(near)), key=lambda k: near[k][0].distance)
+        what = f"the goal pose cannot be reached clear of everything: in the best of {len(near)} branches"
+        raise refused(what, problem.goals[k], near[k])
+    return tuple(q for q, contacts in zip(problem.goals, near, strict=True) if not contacts)
 
 
 def _needed(model: CollisionModel, contact: Clearance, clearance: float) -> str:

@@ -28,7 +28,6 @@ from armdyn.optimal.problem.checks import (
     LANDING,
     HoldingDeficit,
     check_accelerations,
-    check_clear,
     check_every_joint_has_motor,
     check_limits,
     check_motors,
@@ -417,7 +416,9 @@ class MinimumTimeProblem:
         if self.kinematic:
             check_accelerations(self.robot, self._largest_acceleration)
         self._resolve_poses()
-        self._resolve_clear()
+        if self.has_clearance:
+            goals = clear_goals(self)
+            self._set(goals=goals, q_goal=goals[0], poses=np.array([*self.poses[:-1], goals[0]]))
         path_constraints = check_path_constraints(self.path_constraints)
         bound = tuple(constraint.on(self.robot, self.x_start, self.x_goal) for constraint in path_constraints)
         self._set(path_constraints=bound)
@@ -450,18 +451,6 @@ class MinimumTimeProblem:
         self.poses.setflags(write=False)
         check_via_regions(self.robot, self.via, self.poses)
         check_poses(self.poses)
-
-    def _resolve_clear(self) -> None:
-        """Drop goals in contact; raise if start, a via point or all goals are in contact."""
-        if not self.has_clearance:
-            return
-        model = self.collision_model()
-        fixed = [("start", self.poses[0]), *((f"via[{i}]", q) for i, q in enumerate(self.poses[1:-1]))]
-        fixed += [("goal", np.asarray(self.q_goal))] if self.goal_pose is None else []
-        check_clear(model, fixed, self.clearance)
-        if self.goal_pose is not None:
-            clear = clear_goals(model, self.goals, self.clearance)
-            self._set(goals=clear, q_goal=clear[0], poses=np.array([*self.poses[:-1], clear[0]]))
 
     def _resolve_limits(self) -> JointLimits:
         robot, kept = self.robot, Reserve.of(self.reserve, self.velocity_reserve, self.robot.joint_names)
