@@ -87,7 +87,7 @@ def test_joints_with_low_limits_take_as_long_as_the_slowest():
 
 def test_a_ball_that_the_fastest_motion_clears_leaves_it_certified():
     plain = ad.MinimumTimeProblem(paper_arm("rr"), q_start=START, q_goal=GOAL)
-    straight = solve(replace(plain), arcs=False, starts=1)
+    straight = solve(replace(plain), starts=1)
     assert nearest(CollisionModel(straight.problem.robot, [BALL]), straight.trajectory) < 0
     solution = solve(rr(obstacles=[BALL]))
     assert solution.certified and solution.clearance.sure and solution.clearance.distance > 0.005
@@ -110,7 +110,7 @@ def test_round_a_ball_that_the_fastest_motion_hits():
 
 
 def test_check_names_the_contact():
-    straight = solve(rr(), arcs=False, starts=1)
+    straight = solve(rr(), starts=1)
 
     def check(problem, *passing):
         return TightenedConstraints.of(Task.of(problem)).check(problem, straight.trajectory, np.array(passing))
@@ -153,7 +153,7 @@ def test_a_via_point_is_passed_in_flight():
     assert RR_BEST < solution.duration < 0.2610  # the best of 16 guesses takes 0.26065 s
     robot = solution.problem.robot
     legs = [ad.MinimumTimeProblem(robot, q_start=a, q_goal=b) for a, b in ((START, via), (via, GOAL))]
-    assert solution.duration < sum(solve(leg, arcs=False, starts=4).duration for leg in legs)
+    assert solution.duration < sum(solve(leg, starts=4).duration for leg in legs)
 
 
 @pytest.mark.parametrize(
@@ -195,7 +195,7 @@ def test_a_goal_in_contact_is_left_out():
 
 
 def test_plain_problems_are_as_they_were():
-    solution = solve(paper_problem("rr"), arcs=False, starts=1, workers=1)
+    solution = solve(paper_problem("rr"), starts=1, workers=1)
     assert solution.clearance is None and solution.via_times == () and solution.goals == ()
 
 
