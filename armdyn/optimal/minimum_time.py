@@ -10,7 +10,6 @@ import numpy as np
 
 from armdyn.arguments import expect, listener
 from armdyn.codegen.deadline import NoTimeError
-from armdyn.optimal.answer.advice import followed_by, warn_of_options_without_effect
 from armdyn.optimal.answer.assembly import assembled, ended_by_time, failed, fastest_goal
 from armdyn.optimal.answer.solution import Solution, kinematic, without_motion
 from armdyn.optimal.bound.lower_bound import least_duration
@@ -73,9 +72,9 @@ def solve_minimum_time(
     options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
     started, posed = time.perf_counter(), problem.without_torques() if problem.kinematic else problem
     task = Task.of(posed, options, progress=listener(progress))
-    warn_of_options_without_effect(task)
+    task.warn_of_options()
     solution = solve_task(task, options.time_limit - (time.perf_counter() - started))
-    solution = replace(solution, followed=followed_by(task, solution.status))
+    solution = replace(solution, followed=task.not_advised(solution.status))
     return kinematic(problem, solution) if problem.kinematic else solution
 
 

@@ -139,8 +139,7 @@ class Solution:
         """Advice, one line per failed check; empty for a usable, certified motion, or if Ctrl-C came first."""
         if (self.certified and self.usable) or (self.status is Status.INTERRUPTED and not self.moves):
             return ()
-        reports, arcs = self.constraint_reports, self.phases is not None
-        return tuple(advice(self.problem, self.certificate, reports, arcs, self.followed).values())
+        return tuple(advice(self).values())
 
     @property
     def replay_error(self) -> float:

@@ -113,9 +113,7 @@ def _bound(solution: Solution) -> tuple[bool | None, str]:
 def standing(solution: Solution) -> dict[str, Any]:
     """Facts that `--require` compares; "missing": reasons why "certified", "extremal" or a "gap" is not reached."""
     certificate, reasons = solution.certificate, "; ".join(solution.certificate.reasons)
-    lines = advice(
-        solution.problem, certificate, solution.constraint_reports, solution.phases is not None, solution.followed
-    )
+    lines = advice(solution)
     missing = {"certified": reasons} | {kind: lines.get(kind, reasons) for kind in ("extremal", "gap")}
     if solution.gap_proven and solution.gap is not None:
         missing["gap"] = f"the gap is {percent(solution.gap)}"

@@ -1,5 +1,6 @@
 """Task of a solve: problem, dynamics, scheme, options, policy."""
 
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -7,11 +8,11 @@ from typing import Any, Self, TypeVar
 
 from armdyn.codegen.deadline import NoTimeError, until
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.errors import ProblemError
+from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.optimal.problem.options import MinimumTimeOptions, SolverSettings
 from armdyn.optimal.problem.policy.policy import Policy, named_methods
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.problem.status import Stop
+from armdyn.optimal.problem.status import Status, Stop
 from armdyn.optimal.problem.tableau import Scheme
 from armdyn.parallel import shared_pool
 from armdyn.reprs import joints_of
@@ -165,3 +166,55 @@ class Task:
 
     def _settings(self, tolerance: float, barrier: float, most: int | None) -> SolverSettings:
         return SolverSettings(tolerance, most or SolverSettings.max_iterations, barrier)
+
+    def not_advised(self, status: Status) -> tuple[str, ...]:
+        """Options that are not advised: raised already, or without effect, as a time limit that was not reached.
+
+        Args:
+            status: of the task's solution.
+        """
+        unreached = () if status is Status.TIME_LIMIT else ("time_limit",)
+        return tuple(dict.fromkeys((*self._raised, *unreached, *self._without_effect)))
+
+    def warn_of_options(self) -> None:
+        """Warn of options that are raised, and have no effect on the problem."""
+        for name, why in self._without_effect.items():
+            if name in self._raised:
+                warnings.warn(f"`{name}` has no effect here: {why}", ArmdynWarning, stacklevel=3)
+
+    @property
+    def _raised(self) -> tuple[str, ...]:
+        """Options above their defaults."""
+        policy, options, usual = self.policy, self.options, MinimumTimeOptions()
+        own = (
+            policy.curves
+            if policy.strategy.curves_alone
+            else policy.smooth
+            if self.problem.pays_effort
+            else policy.search
+        )
+        raised = {
+            "search": options.search == "thorough",
+            "starts": (options.starts or 0) > own.starts,
+            "max_intervals": options.max_intervals > usual.max_intervals,
+            "calm": options.calm > usual.calm,
+            "bound_programs": options.bound_programs is not None,
+        }
+        return tuple(name for name, chosen in raised.items() if chosen)
+
+    @property
+    def _without_effect(self) -> dict[str, str]:
+        """Options without effect on the problem, and why."""
+        problem, methods = self.problem, self.policy.strategy.methods
+        useless = {"bound_programs": "it is of cycles"}
+        if methods == ("profiles",):
+            return useless | dict.fromkeys(
+                ("search", "starts", "max_intervals", "calm"), "joints have one profile each"
+            )
+        if "curves" not in methods:
+            return useless | {"calm": "motions of a mesh are as fast as can be"}
+        if self.policy.strategy.curves_alone:
+            useless["max_intervals"] = "motions are curves, which have no mesh"
+            if problem.has_clearance or problem.has_regions or (len(problem.poses) > 2 and problem.jerk_limit is None):
+                useless |= dict.fromkeys(("search", "starts"), "paths are planned, and are the guesses")
+        return useless

@@ -1,13 +1,12 @@
 """Remedies: a line for each missing condition, and none for the others."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.answer.advice import advice, followed_by, warn_of_options_without_effect
+from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.constraints.constraint import ConstraintReport
 from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.problem.task import Task
@@ -20,7 +19,10 @@ FAST = Violation("velocity limit", "joint2", 0.05, 5.6e-4)
 
 def said(certificate, kept=(), arcs=False, **options):
     problem = paper_problem("rr").variant(**options)
-    return advice(problem, certificate, kept, arcs, followed_by(Task.of(problem), Status.TIME_LIMIT))
+    followed = Task.of(problem).not_advised(Status.TIME_LIMIT)
+    phases = solved("rr").phases if arcs else None
+    own = {"problem": problem, "certificate": certificate, "constraint_reports": tuple(kept), "followed": followed}
+    return advice(replace(solved("rr"), phases=phases, **own))
 
 
 @pytest.mark.parametrize(
@@ -134,28 +136,3 @@ def test_what_the_problem_has_already_is_not_advised():
 def test_met_conditions_have_no_advice():
     assert "extremal" not in said(solved("rr").certificate, arcs=True)
     assert "gap" not in said(LANDED.bounded(1.0, 1.0005))
-
-
-CURVE = {"q_start": [0, -1, 1, -1, -1.5, 0], "q_goal": [-1.5, -1.8, 1.6, -0.4, 0.3, 1.0]}
-
-
-@pytest.mark.parametrize(
-    ("arm", "more", "options", "words"),
-    [
-        ("rr", {}, {"calm": 0.01}, ["`calm` has no effect here: motions of a mesh are as fast as can be"]),
-        ("rr", {}, {"calm": 0.0, "starts": 100, "max_intervals": 200}, []),  # the fastest is what a mesh gives
-        ("rr", {}, {"bound_programs": 9}, ["`bound_programs` has no effect here: it is of cycles"]),
-        ("rr", {"velocity_limit": 5.0}, {"calm": 0.01, "max_intervals": 200}, []),  # both are tried
-        ("ur5", {}, {"calm": 0.01, "starts": 100, "max_intervals": 200}, ["`max_intervals` has no effect here: "]),
-        ("ur5", {"self_collision": True}, {"starts": 100}, ["`starts` has no effect here: paths are planned"]),
-        ("rr", {"jerk_limit": 1e4}, {"method": "profiles", "search": "thorough"}, ["joints have one profile each"]),
-    ],
-)
-def test_an_option_without_effect_is_said_once(arm, more, options, words):
-    problem = paper_problem("rr").variant(**more) if arm == "rr" else None
-    problem = problem or ad.MinimumTimeProblem(ad.Robot.from_library("ur5"), **CURVE, **more)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        warn_of_options_without_effect(Task.of(problem, ad.MinimumTimeOptions(**options)))
-    said = [str(one.message) for one in caught]
-    assert len(said) == len(words) and all(word in line for word, line in zip(words, said, strict=True))

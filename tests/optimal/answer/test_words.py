@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.answer.advice import advice, followed_by
+from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.answer.words import standing, verdict
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.task import Task
@@ -70,10 +70,10 @@ def test_only_options_above_their_defaults_are_advice_that_was_followed(solution
         for starts, followed in ((normal, set()), (normal + 1, {"starts"})):
             task = Task.of(own, ad.MinimumTimeOptions(starts=starts, max_intervals=100, search="quick"))
             others = useless.get(numbers, {"max_intervals", "bound_programs"})
-            assert {*followed_by(task, Status.TIME_LIMIT)} == followed | others
+            assert {*task.not_advised(Status.TIME_LIMIT)} == followed | others
     task = Task.of(problem, ad.MinimumTimeOptions(search="thorough", max_intervals=161))
     raised = {"search", "time_limit", "max_intervals"}
-    assert {*followed_by(task, Status.SOLVED)} == raised | useless["search"]
+    assert {*task.not_advised(Status.SOLVED)} == raised | useless["search"]
     assert {*solution.followed} == {"time_limit"} | useless["search"]  # it did not end the search
 
 
@@ -87,7 +87,7 @@ def test_what_was_raised_is_advised_again_neither_with_a_motion_nor_without(solu
     for options, words in (({}, "try more `max_intervals` or more `starts`; "), (raised, "try more `starts`; ")):
         task = Task.of(solution.problem, ad.MinimumTimeOptions(**options))
         plain = dataclasses.replace(
-            solution, phases=None, certificate=Certificate(0.0, 0.0, 0.0), followed=followed_by(task, solution.status)
+            solution, phases=None, certificate=Certificate(0.0, 0.0, 0.0), followed=task.not_advised(solution.status)
         )
         assert f"its arcs were not resolved: {words}" in plain.what_to_do[0] == standing(plain)["missing"]["extremal"]
     followed = ("starts", "max_intervals", "time_limit")
@@ -102,9 +102,11 @@ def test_no_motion_has_no_duration(solution):
     assert f"{solution.duration:.4f}" not in str(none) and "no motion" in repr(none)
 
 
-def test_advice_that_was_followed_is_not_given_again():
+def test_advice_that_was_followed_is_not_given_again(solution):
     problem = ad.MinimumTimeProblem(ad.Robot.from_library("panda"), q_start="ready", q_goal=[0.5, 0, 0, -1.5, 0, 2, 0])
     plain = Certificate(0.0, 0.0, 0.0, lower_bound=1.0, gap=0.02, remark=ON_CURVE)
-    said = [advice(problem, plain, (), False, followed)["gap"] for followed in ((), ("search",), ("search", "starts"))]
+    curve = dataclasses.replace(solution, problem=problem, certificate=plain, phases=None)
+    several = (), ("search",), ("search", "starts")
+    said = [advice(dataclasses.replace(curve, followed=followed))["gap"] for followed in several]
     assert "`search` thorough or more `starts`" in said[0]
     assert "`search`" not in said[1] and "more `starts`" in said[1] and said[2].startswith("much of the gap")
