@@ -181,7 +181,7 @@ def _worst(optimum: Optimum) -> Violation | None:
 def _others(task: Task, best: float, known: Iterable[float], listed: Iterable[float]) -> tuple[float, ...]:
     """Durations of the other optima [s], distinct and increasing; a coarse one near a more accurate one is dropped."""
     same, known = task.policy.same, list(known)
-    more = [d for d in listed if all(abs(d / own - 1) > same.near_known for own in known)]
+    more = [d for d in listed if all(abs(d / own - 1) > 4 * same.coarse for own in known)]
     groups = grouped([best, *sorted((*known, *more))], within(same.resolved))
     return tuple(float(group[0]) for group in groups[1:])
 

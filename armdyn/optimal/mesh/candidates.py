@@ -73,10 +73,8 @@ def find(task: Task) -> SearchResult:
         iterations, (mesh, meshes, share) = iterations + refined.iterations, finer
         # Meshes err for heavy arms, whose optima are near the straight path.
         near = replace(task, policy=task.policy.changed("search", spread=1.0, uniform_spread=0.0))
-        least = numbers.least_repeated
-        if at_speed(task, refined.attempts[0].trajectory):
-            least = numbers.least_repeated_at_speed
-        several = min(count, max(count // share, least))
+        fewest = 0 if at_speed(task, refined.attempts[0].trajectory) else numbers.least_repeated
+        several = min(count, max(count // share, fewest))
         prepare_quickly(task, mesh, task.fine())
         with replace(near, intervals=mesh).pooled(has_stagewise(near)) as near:
             again = _searched(near, several, SearchSettings(meshes, task.coarse()), known=refined.attempts)
@@ -172,7 +170,7 @@ def at_speed(task: Task, motion: Trajectory) -> bool:
 def _misses_goal(task: Task, attempt: Attempt) -> bool:
     """Whether the replay of the mesh's torques ends at a different pose."""
     problem, motion, numbers = task.problem, attempt.trajectory, task.policy.search
-    missed = np.abs(problem.goal_error_of(replay_of(task, motion, numbers.rough_replay))[: problem.robot.nv])
+    missed = np.abs(problem.goal_error_of(replay_of(task, motion))[: problem.robot.nv])
     return not np.max(missed) <= numbers.replay_miss * np.max(np.ptp(motion.q, axis=0))
 
 

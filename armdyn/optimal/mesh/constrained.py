@@ -81,7 +81,7 @@ def refined_again(task: Task, attempt: Attempt) -> Optimum:
         attempt: a usable solution as the initial guess.
     """
     numbers, iterations = task.policy.path_constraints, 0
-    meshes, barrier = task.policy.motion_mesh, task.policy.program.tightened_barrier
+    meshes, barrier = task.policy.motion_mesh, task.policy.program.fine_barrier / 10
     again = replace(task.fine(), barrier=barrier, tolerance=meshes.tolerance)
 
     def solve(guess: Trajectory, knots: Array) -> Attempt:

@@ -131,7 +131,7 @@ def search(task: Task, count: int, search_settings: SearchSettings, extra_jobs: 
         best = f", best {solved[0]:.4f} s" if solved else ""
         task.progress(f"search: guess {own} of {count}{best}")
         # An optimum's duration depends on the mesh: it counts once per mesh, which is conservative.
-        due = numbers.ends_early and task.options.search != "thorough" and own % max(1, count // numbers.end_tests) == 0
+        due = numbers.ends_early and task.options.search != "thorough" and own % numbers.batch == 0
         optima = len(grouped(solved, within(task.policy.same.coarse))) if due else 0
         if task.stop or (due and enough(len(solved), optima)):
             break
@@ -186,7 +186,7 @@ def crossover_guesses(
     """
     numbers, same, children = task.policy.search, task.policy.same, list[Attempt]()
     while len(children) < count and not task.stop:
-        best = distinct([*attempts, *children], same.coarse, same.distance)[: numbers.parents]
+        best = distinct([*attempts, *children], same.coarse, same.distance)[: round(2 * numbers.selection_scale)]
         if not best:
             break
         parents = Guesses.sampled([attempt.trajectory for attempt in best], SAMPLES)

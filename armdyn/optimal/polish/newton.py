@@ -12,6 +12,7 @@ import numpy as np
 from armdyn.arrays import Array
 from armdyn.optimal.polish.shooting import BangShooting, Ends
 from armdyn.optimal.problem.status import Stop
+from armdyn.optimal.verify.certificate import OPTIMALITY_TOLERANCE
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,8 +125,8 @@ def fastest(motion: BangMotion, stop: Stop) -> tuple[BangMotion, Array | None]:
     numbers, before, settled = motion.shooting.policy.polish, np.inf, False
     for _ in range(numbers.rounds):
         gap, stationary = motion.errors
-        settled = gap <= numbers.closed and stationary <= numbers.stationary
-        if stop or (settled and (gap <= numbers.rounding or gap > before / 2)):
+        settled = gap <= numbers.closed and stationary <= OPTIMALITY_TOLERANCE / 100
+        if stop or (settled and (gap <= numbers.closed / 1000 or gap > before / 2)):
             break
         before = gap
         if (found := _step(motion)) is None:
@@ -150,13 +151,13 @@ def _step(motion: BangMotion) -> tuple[Array, Array] | None:
         return None
     basis, upper = np.linalg.qr(jacobian.T, mode="complete")
     own, null, upper = basis[:, :size], basis[:, size:], upper[:size]
-    if np.min(np.abs(np.diag(upper))) <= motion.shooting.policy.polish.dependent:
+    if np.min(np.abs(np.diag(upper))) <= motion.shooting.policy.polish.closed / 1000:
         return None
     change = own @ np.linalg.solve(upper.T, -motion.gaps.ravel())
     if null.size:
         curvature, axes = np.linalg.eigh(null.T @ hessian @ null)
         slope = axes.T @ (null.T @ (gradient + hessian @ change))
-        change = change - null @ (axes @ (slope / np.maximum(np.abs(curvature), motion.shooting.policy.polish.flat)))
+        change = change - null @ (axes @ (slope / np.maximum(np.abs(curvature), motion.shooting.policy.polish.closed)))
     costate = np.linalg.solve(upper, -own.T @ (gradient + hessian @ change))
     return change, costate.reshape(motion.x.shape)
 

@@ -11,7 +11,7 @@ from armdyn.optimal.polish.shooting import BangShooting, carried
 from armdyn.optimal.polish.structure import Structure, Switches, switches_by, switches_of
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.arc import Arc, Mode
-from armdyn.optimal.verify.certificate import OPTIMALITY_TOLERANCE
+from armdyn.optimal.verify.certificate import GOAL_TOLERANCE, OPTIMALITY_TOLERANCE
 from armdyn.optimal.verify.phases import TABLEAU, Phases, motion_of
 from armdyn.optimal.verify.rollout import gauss_steps, replay_of
 from armdyn.trajectory import Trajectory
@@ -33,14 +33,14 @@ def polished(task: Task, motion: Trajectory, solved: set[Structure]) -> Phases |
         return None
     numbers, goal = task.policy.polish, found[1].goal
     best, least = None, np.inf
-    for _ in range(numbers.corrections):
+    for _ in range(numbers.rounds):
         phases = _phases(task, *found)
         replay = replay_of(task, phases.torques)
         miss = task.problem.goal_error_of(replay)
         missed = float(np.max(np.abs(miss))) if replay.t[-1] == phases.duration else np.inf
         closer = missed < least / 2
         best, least = (phases, missed) if missed < least else (best, least)
-        if missed <= numbers.landed or not closer or task.stop:
+        if missed <= GOAL_TOLERANCE / 100 or not closer or task.stop:
             break
         goal = goal - miss / found[1].shooting.size
         again, left = fastest(replace(found[1], goal=goal), task.stop)

@@ -75,7 +75,7 @@ class MinimumTimeOptions(Checked):
             of acceleration or jerk decide. None: by the class of the problem, which may try several.
         guesses: motions of the same joints as additional initial guesses, such as optima of similar problems.
         search: level of the search: "quick" solves a third of the guesses, "thorough" five times as many, without
-            ending early, and refines three times as many optima (docs/search.md); likewise for curves, and where effort
+            ending early, and refines five times as many optima (docs/search.md); likewise for curves, and where effort
             has a weight, which have numbers of their own.
         starts: number of guesses of the global search, whatever the level; at most 100,000.
         seed: seed of the guesses after the first; the same seed gives the same answer.

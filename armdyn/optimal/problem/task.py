@@ -158,11 +158,11 @@ class Task:
     def fine(self) -> SolverSettings:
         """Settings for a guess that is a solution on another mesh, to stay near it."""
         numbers = self.policy.program
-        return self._settings(numbers.fine_tolerance, numbers.fine_barrier, numbers.guess_iterations)
+        return self._settings(numbers.coarse_tolerance / 10, numbers.fine_barrier, numbers.guess_iterations)
 
     def alone(self) -> SolverSettings:
         """Settings for a single guess without a search."""
-        return SolverSettings(self.policy.program.fine_tolerance / 100)  # nothing follows that would sharpen it
+        return SolverSettings(self.policy.program.coarse_tolerance / 1000)  # nothing follows that would sharpen it
 
     def _settings(self, tolerance: float, barrier: float, most: int | None) -> SolverSettings:
         return SolverSettings(tolerance, most or SolverSettings.max_iterations, barrier)

@@ -16,15 +16,16 @@ class PolishPolicy:
     segments: int = tuned(16, "segments", "of a motion, at least: unstable arms need some")
     steps: int = tuned(8, "steps", "of order six in a segment: states are then right to 1e-9")
     difference: float = tuned(1e-4, "of a joint's way or speed", "step of differences: rounding equals truncation")
-    rounds: int = tuned(12, "steps", "of Newton's method; most take three to eight")
+    rounds: int = tuned(
+        12, "steps", "of Newton's method; most take three to eight; also of the goal, by the replay's miss"
+    )
     halves: int = tuned(8, "halvings", "of a step")
     structures: int = tuned(3, "structures", "of one motion: switches that meet vanish")
-    closed: float = tuned(1e-9, "of a joint's way or speed", "gap that counts as closed where steps no longer halve it")
-    rounding: float = tuned(1e-12, "of a joint's way or speed", "gap that needs no further step")
-    stationary: float = tuned(1e-6, "-", "H, and error of the adjoint equations, that count as zero: certified / 100")
-    flat: float = tuned(1e-9, "-", "least curvature of the duration along the arcs that meet the goal")
-    dependent: float = tuned(1e-12, "-", "diagonal of R in QR at which equations are dependent")
+    closed: float = tuned(
+        1e-9,
+        "of a joint's way or speed",
+        "gap that counts as closed where steps no longer halve it; a thousandth is rounding, and it is the least "
+        "curvature of the duration",
+    )
     near: float = tuned(1e-4, "of a joint's way, or of a velocity limit", "distance from a limit that is a touch")
     most: int = tuned(40, "switches", "of one motion: more are a torque between its limits, which chatters on a mesh")
-    corrections: int = tuned(4, "rounds", "of the goal, by the replay's miss")
-    landed: float = tuned(1e-8, "rad or m", "goal error at which a replay has landed: the certificate's / 100")

@@ -30,7 +30,12 @@ class ProgramPolicy:
     near_limit: float = tuned(
         1e-3, "of travel or limit", "least distance of guesses from limits exceeded between knots", UNRECORDED
     )
-    coarse_tolerance: float = tuned(1e-5, "scaled", "of IPOPT in the search: 1e-4 is too inaccurate", PLANAR)
+    coarse_tolerance: float = tuned(
+        1e-5,
+        "scaled",
+        "of IPOPT in the search: 1e-4 is too inaccurate; a tenth from another mesh",
+        PLANAR,
+    )
     coarse_barriers: tuple[float, ...] = by_kind(
         "scaled",
         "IPOPT's mu_init in turn: small ones keep more of the guess; with three joints ten times as large ones miss "
@@ -42,15 +47,12 @@ class ProgramPolicy:
         "of a guess of three joints, and on the finer mesh, at most: of 70 problems no best optimum took more than 150",
         "random arms (RRR)",
     )
-    fine_tolerance: float = tuned(1e-6, "scaled", "of IPOPT from a solution on another mesh", PLANAR)
     fine_barrier: float = tuned(
         1e-4,
         "scaled",
-        "its mu_init there, small to stay near the guess: with 1e-3 one in forty is lost that 1e-4 keeps",
+        "its mu_init from a solution on another mesh, small to stay near it: with 1e-3 one in forty is lost that 1e-4 "
+        "keeps; on the same mesh with slightly tighter limits a tenth",
         "RRR, random",
-    )
-    tightened_barrier: float = tuned(
-        1e-5, "scaled", "the same on the same mesh with slightly tighter limits", UNRECORDED
     )
 
 
@@ -80,8 +82,9 @@ class SearchPolicy:
         "RRR, random (seeds 8, 33, 123, poses within ±π); RR, random arms (seed 337)",
     )
     quick: float = tuned(1 / 3, "of the guesses", 'search="quick"', "RRR, random")
-    thorough: float = tuned(5.0, "of the guesses", 'search="thorough"; without an early end', "RRR, random")
-    more_refined: int = tuned(3, "times the optima", 'search="thorough" refines', "RRR, random")
+    thorough: float = tuned(
+        5.0, "of the guesses, and of the optima to refine", 'search="thorough"; without an early end', "RRR, random"
+    )
     neighbour_starts: int = by_kind(
         "guesses",
         "of a search from a neighbour's optimum; half with effort in the cost; beyond three joints the straight",
@@ -96,14 +99,9 @@ class SearchPolicy:
         120,
         "guesses",
         "of a repeated search on finer meshes, at least: 50 met the best optimum in three of eight searches, 80 in "
-        "four, 120 in all",
+        "four, 120 in all; at velocity limits a part of the guesses: 35 led to no slower motion of 26 than 50, 120 to "
+        "no faster one of 109",
         "RRR, 1 kg",
-    )
-    least_repeated_at_speed: int = tuned(
-        35,
-        "guesses",
-        "the same at velocity limits: 35 led to no slower motion of 26 than 50, 120 to no faster one of 109",
-        "random RRR arms (seeds 397, 431, 433, 443)",
     )
     only_listed: float = tuned(1.2, "of the best duration", "coarse solutions slower than that are only listed")
     too_coarse: float = tuned(
@@ -112,9 +110,6 @@ class SearchPolicy:
     too_coarse_confirmed: float = tuned(1.01, "of the coarse duration", "the same, if replays confirm it")
     replay_miss: float = tuned(
         0.2, "of a joint's way", "they confirm it if those of all its optima miss the goal by this", "RRR 500 g, 1 kg"
-    )
-    rough_replay: float = tuned(
-        1e-6, "-", "relative tolerance of these replays: they miss by a fifth of a joint's way or do not", UNRECORDED
     )
     least_spread: float = tuned(
         2.0, "rad", "least spread of random poses: fast motions fold far off the straight path", "RR, RRR, Luus"
@@ -149,8 +144,9 @@ class SearchPolicy:
         "RRR, random: the twelve hardest of a hundred pairs",
     )
     round: int = tuned(32, "guesses", "mutated at once: each round forks anew", "RRR, random")
-    parents: int = tuned(6, "optima", "that are mutated", "RRR, random")
-    selection_scale: float = tuned(3.0, "optima", "of the best, about, that are chosen most often", "RRR, random")
+    selection_scale: float = tuned(
+        3.0, "optima", "of the best, about, that are mutated most often, of twice as many", "RRR, random"
+    )
     midpoint_spread: float = tuned(
         0.3, "times the way", "standard deviation of the offset of all joints at half time", "RRR, random"
     )
@@ -161,10 +157,10 @@ class SearchPolicy:
     batch: int = tuned(
         4,
         "guesses",
-        "that a worker receives at once: one costs hardly more than its transfer; with more some workers are idle",
+        "that a worker receives at once: one costs hardly more than its transfer; with more some workers are idle; the "
+        "search tests its early end after so many",
         "RRR, random: iterations of eight pairs dealt to 2, 4, 8 and 16 workers",
     )
-    end_tests: int = tuned(24, "times", "that a search tests its early end, which takes time, too")
     assumed_speed: float = tuned(
         10.0, "rad/s", "replaces a missing velocity limit where paths are compared", UNRECORDED
     )
@@ -182,7 +178,7 @@ class SearchPolicy:
     def refinements(self, options: MinimumTimeOptions, normal: int | None = None) -> int:
         """Number of optima to refine that the options request; arguments as for `guesses`."""
         own = self.refined if normal is None else normal
-        return own * (self.more_refined if options.search == "thorough" else 1)
+        return own * (round(self.thorough) if options.search == "thorough" else 1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -217,14 +213,13 @@ class SamePolicy:
 
     cases: ClassVar = PLANAR
 
-    coarse: float = tuned(2e-3, "-", "on coarse meshes")
+    coarse: float = tuned(2e-3, "-", "on coarse meshes; four times as much against an accurate one")
     distance: float = tuned(
         0.3,
         "rad or m",
         "distance of two optima of the same duration, on the same mesh or different ones",
         "RRR, random",
     )
-    near_known: float = tuned(8e-3, "-", "a coarse one against an accurate one: its error may be a few tolerances")
     mesh: float = tuned(5e-4, "-", "from different guesses on one mesh")
     coarse_cost: float = tuned(1e-4, "-", "J on coarse meshes")
     coarse_duration: float = tuned(1e-3, "-", "durations at the same J on coarse meshes")

@@ -124,7 +124,7 @@ def test_a_number_is_no_group():
         list(rows(1.0))
 
 
-@pytest.mark.parametrize(("effort", "guesses", "optima"), [("quick", 8, 6), ("normal", 24, 6), ("thorough", 120, 18)])
+@pytest.mark.parametrize(("effort", "guesses", "optima"), [("quick", 8, 6), ("normal", 24, 6), ("thorough", 120, 30)])
 def test_effort_scales_all_guesses(effort, guesses, optima):
     search = Policy.of(paper_problem("rrr", effort_weight=1.0)).search
     options = ad.MinimumTimeOptions(search=effort)
