@@ -189,7 +189,7 @@ def clear_goals(problem: Any) -> tuple[Array, ...]:
     """Goals of a `MinimumTimeProblem` that keep the clearance; refuse a start, a via point or all goals in contact."""
     model, clearance = problem.collision_model(), problem.clearance
 
-    def refused(what: str, q: Array, contacts: Sequence[Clearance]) -> ContactError:
+    def refused(what: str, q: Array, contacts: tuple[Clearance, ...]) -> ContactError:
         rest = len(contacts) - 1
         more = f", and {rest} more {'pairs are' if rest > 1 else 'pair is'} too near" if rest else ""
         message = f"{what} {contacts[0].bodies()}{more}; {_needed(model, contacts[0], clearance)}"
