@@ -23,7 +23,7 @@ import numpy as np
 from peers.protocol import CASES, INTERVALS, problem
 
 import armdyn as ad
-from armdyn.optimal.verify.limit_violations import limit_violation
+from armdyn.optimal.verify.within_limits import limit_violation
 
 PEERS = Path(__file__).resolve().parent / "peers"
 ROWS = (

@@ -25,10 +25,9 @@ from armdyn.optimal.problem.options import MinimumTimeOptions
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.verify.arc import runs_of
-from armdyn.optimal.verify.certificate import LIMIT_TOLERANCE
-from armdyn.optimal.verify.limit_violations import proven, torque_excess
-from armdyn.optimal.verify.repeat import OPEN_LOOP_GROWTH
+from armdyn.optimal.verify.certificate import LIMIT_TOLERANCE, OPEN_LOOP_GROWTH
 from armdyn.optimal.verify.rollout import Segments, expect_motion_of, replay_torques
+from armdyn.optimal.verify.within_limits import proven, torque_excess
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.interpolation import KEPT

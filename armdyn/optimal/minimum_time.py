@@ -26,8 +26,7 @@ from armdyn.optimal.problem.policy.policy import Method
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.status import stopping
 from armdyn.optimal.problem.task import Task
-from armdyn.optimal.verify.optimum import Optimum
-from armdyn.optimal.verify.slowing import slowed
+from armdyn.optimal.verify.optimum import Optimum, slowed
 from armdyn.parallel import concurrently, one_blas_thread
 
 METHODS: dict[Method, Callable[[Task], tuple[list[Optimum], SearchResult]]] = {

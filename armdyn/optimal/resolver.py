@@ -28,7 +28,7 @@ from armdyn.optimal.problem.policy.policy import Policy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.verify.certificate import Certificate
-from armdyn.optimal.verify.limit_violations import worst_violation
+from armdyn.optimal.verify.within_limits import worst_violation
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 

@@ -9,7 +9,7 @@ from armdyn.optimal.curves.solve import straight_curve
 from armdyn.optimal.mesh.condensed import prepare_quickly, solve_quickly
 from armdyn.optimal.mesh.starts import spline
 from armdyn.optimal.problem.task import Task
-from armdyn.optimal.verify.slowing import follow
+from armdyn.optimal.verify.within_limits import follow
 
 
 def build(problem, method):

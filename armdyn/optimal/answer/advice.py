@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armdyn.optimal.verify.certificate import GAP_TOLERANCE, ON_CURVE
-from armdyn.optimal.verify.slowing import can_be_slowed
+from armdyn.optimal.verify.within_limits import can_be_slowed
 from armdyn.reprs import percent
 
 if TYPE_CHECKING:

@@ -34,10 +34,9 @@ from armdyn.optimal.mesh.starts import spline, via_guesses
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, ON_CURVE
-from armdyn.optimal.verify.limit_violations import worst_violation
 from armdyn.optimal.verify.optimum import Optimum
 from armdyn.optimal.verify.sensitivity import RATE_LIMITS, Share, shares_of
-from armdyn.optimal.verify.slowing import can_be_slowed, constraints_mended, follow, least_factor
+from armdyn.optimal.verify.within_limits import can_be_slowed, constraints_mended, follow, least_factor, worst_violation
 from armdyn.parallel import in_processes
 from armdyn.reprs import percent
 from armdyn.trajectory import Trajectory
@@ -308,7 +307,7 @@ def _landed(task: Task, refined: RefinedCurve) -> Optimum:
     if can_be_slowed(problem):  # velocities have a reserve for the replay's error
         fastest = max(float(np.max(leg.fastest / problem.limits.velocity)) for leg in curve.legs)
         curve = curve.slower(max((1 + task.policy.curves.velocity_error) * fastest, 1.0))
-    # `follow` integrates as `replay_torques` does, sample by sample; `proof.repeat` uses another integrator.
+    # `follow` integrates as `replay_torques` does, sample by sample; `repeated` uses another integrator.
     replay = follow(task, sampled(task, curve))
     # Where friction jumps, or the arm is unstable, `refine.slowing` would end off the goal.
     for more in (1.0, task.policy.curves.slowing_factor) if can_be_slowed(problem) else ():

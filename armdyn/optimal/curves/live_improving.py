@@ -12,7 +12,7 @@ from armdyn.optimal.curves.curve_program import Iterate
 from armdyn.optimal.curves.live_checking import SampledCurve, check, motion_of, within_limits
 from armdyn.optimal.curves.live_program import LiveProblem, ProgramStep
 from armdyn.optimal.curves.nlp_data import TorqueMargin
-from armdyn.optimal.verify.slowing import least_factor
+from armdyn.optimal.verify.within_limits import least_factor
 
 Guess = tuple[CurveLeg, TorqueMargin]
 """Initial curve, and torque margins."""

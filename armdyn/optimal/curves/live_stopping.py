@@ -13,7 +13,7 @@ from armdyn.optimal.problem.checks import held
 from armdyn.optimal.problem.policy.live import LivePolicy
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.verify.certificate import LIMIT_TOLERANCE
-from armdyn.optimal.verify.limit_violations import limit_violation
+from armdyn.optimal.verify.within_limits import limit_violation
 from armdyn.trajectory import Trajectory
 
 _SECONDS = 0.1

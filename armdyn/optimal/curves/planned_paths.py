@@ -28,7 +28,7 @@ from armdyn.optimal.problem.policy.search import SearchPolicy
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.status import Stop
 from armdyn.optimal.problem.task import Task
-from armdyn.optimal.verify.slowing import least_factor
+from armdyn.optimal.verify.within_limits import least_factor
 from armdyn.planning.paths import JointSpace, PlannerOptions, plan_paths
 
 LegPaths = list[Array]

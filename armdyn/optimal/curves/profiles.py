@@ -23,7 +23,7 @@ from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import ON_CURVE
 from armdyn.optimal.verify.optimum import Optimum
 from armdyn.optimal.verify.sensitivity import RATE_LIMITS, Share, shares_of
-from armdyn.optimal.verify.slowing import follow
+from armdyn.optimal.verify.within_limits import follow
 
 _STEP = 1e-6
 """Part by which a limit is changed for the elasticity of the duration in it: the difference is exact to 1e-9."""

@@ -15,7 +15,7 @@ from armdyn.optimal.curves.sampling import fine_enough, sample_counts
 from armdyn.optimal.curves.solve import Solved, solve_curve
 from armdyn.optimal.problem.policy.curves import SequentialPolicy
 from armdyn.optimal.problem.task import Task
-from armdyn.optimal.verify.slowing import can_be_slowed, constraints_mended, follow, least_factor
+from armdyn.optimal.verify.within_limits import can_be_slowed, constraints_mended, follow, least_factor
 from armdyn.trajectory import Trajectory
 
 

@@ -9,7 +9,7 @@ from armdyn.dynamics.numeric import forward_dynamics, inverse_dynamics
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.curves.curve import CurveLeg
 from armdyn.optimal.problem.policy.curves import CurvePolicy
-from armdyn.optimal.verify.slowing import FASTER, PER_SAMPLE, fastest_rate
+from armdyn.optimal.verify.within_limits import FASTER, PER_SAMPLE, fastest_rate
 from armdyn.trajectory import Trajectory
 
 _CHECKS = 5

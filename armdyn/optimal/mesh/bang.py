@@ -18,9 +18,8 @@ from armdyn.optimal.polish.polish import polished
 from armdyn.optimal.polish.structure import Structure
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import GOAL_TOLERANCE, certify
-from armdyn.optimal.verify.optimum import Optimum
+from armdyn.optimal.verify.optimum import Optimum, least_slowing
 from armdyn.optimal.verify.rollout import replay_of
-from armdyn.optimal.verify.slowing import least_slowing
 from armdyn.parallel import in_processes
 
 _GIVEN_UP = "refinement was given up: its budget of mesh iterations is spent"

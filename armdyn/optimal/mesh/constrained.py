@@ -22,7 +22,7 @@ from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import LIMIT_TOLERANCE
 from armdyn.optimal.verify.optimum import MeshMargins, Optimum, excess
 from armdyn.optimal.verify.rollout import dense, replay_of
-from armdyn.optimal.verify.slowing import can_be_slowed
+from armdyn.optimal.verify.within_limits import can_be_slowed
 from armdyn.trajectory import Trajectory
 
 

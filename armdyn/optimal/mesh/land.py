@@ -8,10 +8,10 @@ from armdyn.optimal.constraints.registry import Aim
 from armdyn.optimal.mesh.phases import Unresolved, solve_phases
 from armdyn.optimal.mesh.unknowns import doubled
 from armdyn.optimal.problem.task import Task
+from armdyn.optimal.verify.certificate import repeated
 from armdyn.optimal.verify.optimum import Optimum
 from armdyn.optimal.verify.phases import Phases
 from armdyn.optimal.verify.pontryagin import adjoint_error, pontryagin
-from armdyn.optimal.verify.repeat import repeated
 from armdyn.optimal.verify.rollout import replay_of
 from armdyn.trajectory import Trajectory
 

@@ -22,12 +22,11 @@ from armdyn.optimal.problem.policy.refinement import MotionMeshPolicy
 from armdyn.optimal.problem.policy.search import SamePolicy
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.task import Task
-from armdyn.optimal.verify.certificate import LIMIT_TOLERANCE, OPTIMALITY_TOLERANCE
-from armdyn.optimal.verify.limit_violations import excesses
+from armdyn.optimal.verify.certificate import LIMIT_TOLERANCE, OPTIMALITY_TOLERANCE, repeated
 from armdyn.optimal.verify.optimum import MeshMargins, Optimum, excess
 from armdyn.optimal.verify.pontryagin import idle_joints
-from armdyn.optimal.verify.repeat import repeated
 from armdyn.optimal.verify.rollout import replay_of
+from armdyn.optimal.verify.within_limits import excesses
 from armdyn.reprs import percent
 from armdyn.trajectory import Trajectory
 
@@ -380,7 +379,7 @@ def _judged(task: Task, attempt: Attempt) -> _Judged | None:
     shot = motion.trajectory(problem.robot.joint_names)
     replay = replay_of(task, shot)
     found = Optimum.of(problem, replay, len(motion.tau))
-    if not found.certificate.on_goal:  # unstable beyond rounding: `proof.repeat` checks its segments
+    if not found.certificate.on_goal:  # unstable beyond rounding: `repeated` checks its segments
         replay, found = shot, Optimum.of(problem, shot, len(motion.tau))
     costates = mesh_costates(problem, motion, replay, task.policy)
     to_divide = _intervals_to_divide(task, motion, replay, costates)

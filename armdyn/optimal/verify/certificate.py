@@ -17,9 +17,10 @@ from armdyn.arguments import number
 from armdyn.optimal.problem.checks import LANDING, LEAST_WAY
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
-from armdyn.optimal.verify.limit_violations import worst_violation
 from armdyn.optimal.verify.phases import Phases
 from armdyn.optimal.verify.pontryagin import idle_joints, pontryagin
+from armdyn.optimal.verify.rollout import ACCURACY, Segments, under_feedback
+from armdyn.optimal.verify.within_limits import worst_violation
 from armdyn.reprs import brief, joint_unit, optimality_words, percent
 from armdyn.trajectory import Trajectory
 
@@ -44,6 +45,10 @@ GAP_TOLERANCE = 1e-3
 transversality error: the saving by moving the goal by the whole way at the rate of the end, along the joint positions
 that reach a goal pose. The actual saving is of second order."""
 
+OPEN_LOOP_GROWTH = 0.1 * GOAL_TOLERANCE / ACCURACY
+"""Largest growth of a motion that is checked by its open-loop replay: beyond 1e4, `ACCURACY` times the growth exceeds a
+tenth of the replay's tolerance."""
+_LEFT = "a replay under feedback leaves the motion, and open loop it is unstable"
 ON_CURVE = "Pontryagin's conditions are not checked: the switching times are not resolved"
 """Remark for motions along curves, which are proven by the gap."""
 
@@ -79,7 +84,7 @@ class Certificate:
         landing: largest goal error that counts as landed [rad or m].
         replay: "open loop": the torques alone reach the goal, with any integrator. "segments": the motion is too
             unstable for that; every segment between samples was integrated from the motion's own state, and the motion
-            was replayed under feedback (`proof.repeat`). "curve": the motion was not replayed; its torques are those of
+            was replayed under feedback (`repeated`). "curve": the motion was not replayed; its torques are those of
             inverse dynamics at the samples (`Resolver`). "accelerations": of a kinematic problem; accelerations were
             integrated in place of torques.
         growth: largest singular value of ∂(end state)/∂(start state), open loop, with states in
@@ -279,4 +284,46 @@ def certify(
         hamiltonian_spread=float(np.max(np.abs(hamiltonian))),
         switching_violation=sign,
         idle=idle_joints(problem, phases, switching, OPTIMALITY_TOLERANCE),
+    )
+
+
+def repeated(problem: MinimumTimeProblem, motion: Trajectory, certificate: Certificate) -> Certificate:
+    """Check a motion by integrating its torques with an integrator of another family.
+
+    Open loop up to `OPEN_LOOP_GROWTH`: the goal errors are the worse of both integrators', plus growth times
+    `ACCURACY`. Beyond: those of a replay under feedback, `under_feedback`, which must satisfy the limits, too.
+
+    Args:
+        problem: goal and limits.
+        motion: states and torques.
+        certificate: certificate of the motion's replay by `replay_torques`, or of the motion if it is a replay itself.
+    """
+    robot, n = problem.robot, problem.robot.nv
+    segments = Segments.of(robot, motion)
+    judged = replace(certificate, growth=segments.growth, segment_error=segments.largest + ACCURACY)
+    error = problem.goal_error_of(motion)
+    if segments.growth <= OPEN_LOOP_GROWTH:
+        missed = np.abs(error + segments.end()) + segments.growth * ACCURACY
+        return replace(
+            judged,
+            goal_error=max(certificate.goal_error, float(np.max(missed[:n]))),
+            goal_velocity_error=max(certificate.goal_velocity_error, float(np.max(missed[n:]))),
+        )
+    judged = replace(judged, replay="segments")
+    followed = under_feedback(robot, problem.limits, motion, segments)
+    if followed is None:
+        return replace(judged, goal_error=np.inf, goal_velocity_error=np.inf, remark=_LEFT)
+    replay, correction = followed
+    exceeded = worst_violation(robot, problem.limits, replay)
+    if exceeded is None or exceeded.value <= certificate.limit_violation:
+        exceeded = certificate.exceeded
+    missed = np.abs(problem.goal_error_of(replay)) + ACCURACY
+    return replace(
+        judged,
+        goal_error=float(np.max(missed[:n])),
+        goal_velocity_error=float(np.max(missed[n:])),
+        limit_violation=exceeded.value if exceeded else certificate.limit_violation,
+        exceeded=exceeded,
+        correction=float(np.max(correction)),
+        correction_share=float(np.max(correction / problem.limits.actuators.scale)),
     )

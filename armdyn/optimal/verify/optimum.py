@@ -1,4 +1,4 @@
-"""Refined and replayed optimum, and margins within the limits for a motion that exceeds them between mesh points."""
+"""Refined and replayed optimum, its margins within the limits, and its slowing down to them."""
 
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
@@ -7,16 +7,26 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armdyn.optimal.constraints.constraint import ConstraintReports
+from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.problem.checks import ROUNDING
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.arc import Arc
-from armdyn.optimal.verify.certificate import LIMIT_TOLERANCE, Certificate, certify
+from armdyn.optimal.verify.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE, Certificate, certify
 from armdyn.optimal.verify.costates import Costates
-from armdyn.optimal.verify.limit_violations import excesses
 from armdyn.optimal.verify.phases import Phases
+from armdyn.optimal.verify.rollout import dense, replay_of
 from armdyn.optimal.verify.sensitivity import Share
+from armdyn.optimal.verify.within_limits import (
+    can_be_slowed,
+    excesses,
+    follow,
+    least_factor,
+    paced,
+    paced_torques,
+)
+from armdyn.reprs import percent
 from armdyn.trajectory import Trajectory
 
 
@@ -175,3 +185,61 @@ def excess(task: Task, optimum: Optimum) -> tuple[float, float]:
     """Excess over limits of velocity and of position, as parts of these; 0 for positions within tolerance."""
     _, velocity, position = (one.share for one in excesses(task.problem.limits, optimum.trajectory))
     return velocity, position if position > LIMIT_TOLERANCE else 0.0
+
+
+def slowed(task: Task, optimum: Optimum) -> Optimum:
+    """Slow an optimum down by the smallest factor for which its replay satisfies all limits and constraints.
+
+    Every strategy ends with this step. The optimum is returned unchanged, with its arcs, if it exceeds no limit, does
+    not land, cannot be slowed down (`can_be_slowed`), or violates constraints independent of pace: position limits,
+    clearances, via points.
+
+    Args:
+        task: the problem and its settings.
+        optimum: a replayed and certified optimum.
+    """
+    numbers, factor = task.policy.refinement, least_slowing(task, optimum)
+    if factor == 1 or not (np.isfinite(factor) and can_be_slowed(task.problem)):
+        return optimum
+    if not optimum.landed:
+        return optimum
+    path, whole = replay_of(task, dense(optimum.trajectory, numbers.slow_samples)), 1.0
+    for _ in range(numbers.slowing):
+        whole *= factor
+        found = _at_pace(task, optimum, path, whole)
+        factor = least_slowing(task, found)
+        lost = found.certificate.goal_error > max(GOAL_TOLERANCE, optimum.certificate.goal_error + numbers.path_error)
+        if factor == 1 and not lost:
+            return found
+        if lost or not np.isfinite(factor) or task.stop:
+            break
+    return optimum
+
+
+def least_slowing(task: Task, optimum: Optimum) -> float:
+    """Factor on the duration for which the motion satisfies all limits; 1 if it does already, inf if unknown."""
+    limits, motion = task.problem.limits, optimum.trajectory
+    if excesses(limits, motion)[2].share > LIMIT_TOLERANCE:
+        return np.inf
+    return max(optimum.reports.slowing, least_factor(task.problem.robot, limits, motion, LIMIT_TOLERANCE))
+
+
+def _at_pace(task: Task, optimum: Optimum, path: Trajectory, factor: float) -> Optimum:
+    """Slow an optimum down along its path by a factor, and replay it."""
+    problem = task.problem
+    slowed = replace(paced(path, factor), tau=paced_torques(problem.robot, path, path.tau, factor))
+    motion = replace(follow(task, slowed), name=optimum.trajectory.name)
+    passing = factor * np.array(optimum.via_times)
+    remark = optimum.certificate.remark or f"slowed down by {percent(factor - 1)} to keep its limits: no extremal"
+    certificate = replace(certify(problem, motion, None, remark), idle=optimum.certificate.idle)
+    return replace(
+        optimum,
+        trajectory=motion,
+        certificate=certificate,
+        cost=trajectory_cost(motion, problem.effort_weights()),
+        phases=None,
+        costates=None,
+        arcs=(),
+        reports=TightenedConstraints.of(task).check(problem, motion, passing),
+        via_times=tuple(passing.tolist()),
+    )

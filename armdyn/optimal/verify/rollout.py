@@ -12,9 +12,11 @@ import numpy as np
 from armdyn.arguments import expect, number, stopper
 from armdyn.arrays import Array
 from armdyn.dynamics.motion import Collocation, replayed
+from armdyn.dynamics.numeric import joint_inertia
 from armdyn.errors import TrajectoryError
 from armdyn.models.robots.loads import robots_of
 from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.problem.checks import LEAST_WAY
 from armdyn.optimal.problem.tableau import GAUSS_3
 from armdyn.optimal.problem.task import Task
@@ -28,6 +30,21 @@ _SPARE = 300_000
 """Largest number of accelerations in halved steps: half a second; motions of well-posed dynamics need none."""
 SPARE_WHEN_LATE = _SPARE // 10
 """Largest number once the solve has been stopped, and between two samples under feedback."""
+
+
+ACCURACY = RTOL
+"""Error [rad or m, and per second] of states by integrators of this relative tolerance, restarted at every sample: ten
+times the observed difference of scipy's DOP853 and Radau on segments of the library's arms."""
+FEEDBACK_BANDWIDTH = 40.0
+"""Bandwidth of the feedback [rad/s], 6 Hz: the position loops of industrial arms have 5 to 15 Hz; the library's arms
+diverge open loop at 5 to 12 1/s."""
+FEEDBACK_TICK = 0.6 / FEEDBACK_BANDWIDTH
+"""Longest time for which a correction is held [s]: 15 ms. At 1 over the bandwidth the sampled loop would become
+unstable, and arms' controllers run at 100 Hz and more."""
+
+_NEAR = 10 * LEAST_WAY
+"""Largest distance of a state from the motion [rad or m, and per second] under feedback: the first order in the defects
+is then exact to its square, 1e-10, times the dynamics' second derivatives."""
 
 
 def replay_torques(
@@ -244,3 +261,49 @@ def ticked(robot: Robot, motion: Trajectory, longest: float) -> Trajectory:
 def gauss_steps(robot: Robot) -> Collocation:
     """Gauss collocation of order six for a robot."""
     return Collocation(robot, (GAUSS_3.A, GAUSS_3.b, GAUSS_3.c), _STAGES_TOLERANCE, _AGREES, _MOST_NEWTON)
+
+
+def under_feedback(
+    robot: Robot, limits: JointLimits, motion: Trajectory, segments: Segments
+) -> tuple[Trajectory, Array] | None:
+    """Replay a motion under computed torque, which is held from tick to tick.
+
+    tau = tau_k(t) − M(q_k) (2 ω (v − v_k) + ω² (q − q_k)) within the torque limits; q_k and v_k are the motion's own
+    states at its samples, and at further ticks between samples more than `FEEDBACK_TICK` apart; ω is
+    `FEEDBACK_BANDWIDTH`. The states are the motion's own plus the effect of the segments' defects to first order,
+    which is exact to rounding for small defects.
+
+    Args:
+        robot: the arm.
+        limits: limits of the torques.
+        motion: states and torques.
+        segments: of the motion.
+
+    Returns:
+        The replay: states and torques, corrections included, at the ticks, each torque that at the start of its tick;
+        and the largest torque that feedback adds to each joint [N m or N], shape (nv,), for the deviations and for
+        further ones by `ACCURACY`. None if the replay leaves the motion, because of saturated torques or a large defect
+        of a segment.
+    """
+    try:
+        ticks = ticked(robot, motion, FEEDBACK_TICK)
+    except TrajectoryError:  # the states overflow between two samples
+        return None
+    if ticks is not motion:
+        segments = Segments.of(robot, ticks)
+    n, inertia = robot.nv, joint_inertia(robot)(ticks.q[:-1])
+    lower, upper = limits.actuators.range(ticks.q[:-1], ticks.v[:-1])
+    lowest = np.minimum(lower - np.minimum(ticks.tau[:-1], ticks.tau[1:]), 0)
+    highest = np.maximum(upper - np.maximum(ticks.tau[:-1], ticks.tau[1:]), 0)
+    stiffness, damping = FEEDBACK_BANDWIDTH**2, 2 * FEEDBACK_BANDWIDTH
+    gains = -np.concatenate([stiffness * inertia, damping * inertia], axis=2)
+    delta, correction = np.zeros((ticks.t.size, 2 * n)), np.zeros((ticks.t.size, n))
+    for k, state in enumerate(delta[:-1]):
+        correction[k] = np.minimum(np.maximum(gains[k] @ state, lowest[k]), highest[k])
+        delta[k + 1] = segments.state_transition[k] @ state + segments.forced[k] @ correction[k] + segments.defect[k]
+        if not np.max(np.abs(delta[k + 1])) <= _NEAR:
+            return None
+    unseen = ACCURACY * np.sum(np.abs(gains), axis=2)
+    largest = np.max(np.abs(correction[:-1]) + unseen, axis=0)
+    x = np.concatenate([ticks.q, ticks.v], axis=1) + delta
+    return replace(ticks, q=x[:, :n], v=x[:, n:], tau=ticks.tau + correction), largest

@@ -13,8 +13,8 @@ from armdyn.optimal.problem.options import MAX_STARTS
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.verify.arc import Arc
-from armdyn.optimal.verify.limit_violations import excesses
 from armdyn.optimal.verify.phases import TABLEAU, Phases
+from armdyn.optimal.verify.within_limits import excesses
 from armdyn.paper.indirect.bang_bang import BangBangExtremal, BangBangProblem
 from armdyn.paper.indirect.boundary import BoundaryExtremal, BoundaryProblem
 from armdyn.paper.indirect.canonical import columns

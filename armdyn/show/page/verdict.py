@@ -181,7 +181,7 @@ def _of_foreign_motion(facts: Facts) -> Verdict:
 
 def _possible(facts: Facts) -> tuple[tuple[str, bool | None, str], ...]:
     """Whether the arm can execute another planner's motion."""
-    from armdyn.optimal.verify.repeat import OPEN_LOOP_GROWTH  # slow to import: the optimiser
+    from armdyn.optimal.verify.certificate import OPEN_LOOP_GROWTH  # slow to import: the optimiser
 
     worst, end, growth = facts.text("worst_violation"), facts.number("replay_error"), facts.number("growth")
     led = "they diverge" if end is None else f"replayed without feedback, they end {end:.1e} rad or m off its end"

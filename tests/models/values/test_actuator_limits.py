@@ -9,7 +9,7 @@ import pytest
 import armdyn as ad
 from armdyn.errors import SpecError
 from armdyn.models.values.actuator_limits import ActuatorLimits, ConstantTorque, TorqueSpeed
-from armdyn.optimal.verify.limit_violations import excesses
+from armdyn.optimal.verify.within_limits import excesses
 from oracles import robot_named
 
 LOWER, UPPER = np.array([-1.0, -4.0, 0.0]), np.array([3.0, 2.0, 0.0])

@@ -9,7 +9,7 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.answer.solution import minimum_time_summary
 from armdyn.optimal.constraints.constraint import ConstraintReport
-from armdyn.optimal.verify.repeat import ACCURACY
+from armdyn.optimal.verify.rollout import ACCURACY
 from problems import solved
 
 

@@ -15,9 +15,9 @@ from armdyn.optimal.curves.excess import excesses_of, worst_excess
 from armdyn.optimal.minimum_time import solve_task
 from armdyn.optimal.problem.status import Status, Stop
 from armdyn.optimal.problem.task import Task
-from armdyn.optimal.verify.limit_violations import limit_violation
+from armdyn.optimal.verify.optimum import slowed
 from armdyn.optimal.verify.rollout import replay_torques
-from armdyn.optimal.verify.slowing import slowed
+from armdyn.optimal.verify.within_limits import limit_violation
 from problems import POSES, held_ur5, paper_arm
 
 START, GOAL = [0, -1, 1, -1, -1.5, 0], [-1.5, -1.8, 1.6, -0.4, 0.3, 1.0]

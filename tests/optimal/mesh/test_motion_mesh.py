@@ -12,9 +12,10 @@ from armdyn.optimal.mesh.direct import Attempt
 from armdyn.optimal.mesh.motion_mesh import ResolvedMotions, _Meshes, finer_knots, mesh_optimum
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.task import Task
+from armdyn.optimal.verify.certificate import repeated
 from armdyn.optimal.verify.optimum import MeshMargins
-from armdyn.optimal.verify.repeat import repeated, under_feedback
-from armdyn.optimal.verify.slowing import paced
+from armdyn.optimal.verify.rollout import under_feedback
+from armdyn.optimal.verify.within_limits import paced
 from armdyn.trajectory import Trajectory
 from problems import cart, paper_arm
 
@@ -113,8 +114,10 @@ def test_a_motion_whose_replay_does_not_land_is_judged_by_its_segments(monkeypat
 
 @pytest.mark.slow
 def test_a_motion_that_no_integrator_repeats_is_not_certified(monkeypatch):
-    monkeypatch.setattr("armdyn.optimal.verify.repeat.OPEN_LOOP_GROWTH", 0.0)  # every motion is judged under feedback,
-    monkeypatch.setattr("armdyn.optimal.verify.repeat.under_feedback", lambda *_: None)  # which leaves it
+    monkeypatch.setattr(
+        "armdyn.optimal.verify.certificate.OPEN_LOOP_GROWTH", 0.0
+    )  # every motion is judged under feedback,
+    monkeypatch.setattr("armdyn.optimal.verify.certificate.under_feedback", lambda *_: None)  # which leaves it
     certificate = optimum_of(task_of()).certificate
     assert not certificate.ok and certificate.saving < 1e-4
     assert "replay under feedback leaves the motion" in certificate.remark
@@ -129,8 +132,10 @@ def test_a_motion_that_leaves_feedback_no_torque_is_planned_with_less(monkeypatc
         return np.min(-limits.actuators.excess(motion.tau, motion.q, motion.v) / limits.actuators.scale)
 
     optimum = optimum_of(task_of())
-    monkeypatch.setattr("armdyn.optimal.verify.repeat.OPEN_LOOP_GROWTH", 0.0)  # every motion is judged under feedback,
-    monkeypatch.setattr("armdyn.optimal.verify.repeat.under_feedback", with_room)  # which needs some torque
+    monkeypatch.setattr(
+        "armdyn.optimal.verify.certificate.OPEN_LOOP_GROWTH", 0.0
+    )  # every motion is judged under feedback,
+    monkeypatch.setattr("armdyn.optimal.verify.certificate.under_feedback", with_room)  # which needs some torque
     kept = optimum_of(task_of())
     assert least_room(FAST.limits, optimum.trajectory) < 1e-7 < 2.9e-5 < least_room(FAST.limits, kept.trajectory)
     assert kept.certificate.ok and kept.certificate.replay == "segments"

@@ -1,4 +1,4 @@
-"""Motions within their limits: piecewise linear torques that track a motion, and its slowing down along its path.
+"""Motions and their limits: violations, linear torques that track a motion within them, the pace that keeps them.
 
 Open loop an arm is as unstable as an inverted pendulum: the error of linear interpolation of a curve's torque would
 grow. The samples are chosen for impulses equal to the curve's to fourth order, and computed torque corrects the rest,
@@ -9,7 +9,7 @@ manipulator trajectories, 1984): where gravity's torque is within the limits the
 """
 
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,15 +19,126 @@ from armdyn.dynamics.numeric import forward_dynamics, forward_dynamics_derivativ
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.constraints.constraint import ConstraintReports
-from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.problem.task import Task
-from armdyn.optimal.verify.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE, certify
-from armdyn.optimal.verify.limit_violations import excesses
-from armdyn.optimal.verify.optimum import Optimum, trajectory_cost
-from armdyn.optimal.verify.rollout import RTOL, SPARE_WHEN_LATE, dense, replay_of
-from armdyn.reprs import percent
+from armdyn.optimal.verify.rollout import RTOL, SPARE_WHEN_LATE
 from armdyn.trajectory import Sample, Trajectory
+from armdyn.trajectory.interpolation import cubic
+from armdyn.trajectory.planned import Planned
+
+BETWEEN = 8
+"""Number of points between samples at which velocities and positions are checked."""
+
+
+@dataclass(frozen=True, eq=False)
+class Excess:
+    """Excess of a motion over one kind of limit.
+
+    Attributes:
+        limit: name of the limit, for messages.
+        t: times of the check [s], shape (m,).
+        beyond: excess at these times, in the limit's unit, shape (m, nv); not positive: the limit is kept.
+        units: of a joint that turns, and of one that slides.
+        size: size of the limit, the scale of an excess, shape (nv,).
+    """
+
+    limit: str
+    t: Array
+    beyond: Array
+    units: tuple[str, str]
+    size: Array
+
+    @property
+    def share(self) -> float:
+        """The largest excess as a part of the limit; 0 if the limit is kept."""
+        return max(0.0, float(np.max(self.beyond / self.size)))
+
+    def worst(self, robot: Robot) -> Violation:
+        """Largest violation, with its joint and time."""
+        k, i = np.unravel_index(np.argmax(self.beyond / self.size), self.beyond.shape)
+        excess = f"{self.beyond[k, i]:.3g} {self.units[int(robot.slides[i])]}"
+        share = float(self.beyond[k, i] / self.size[i])
+        return Violation(self.limit, robot.joint_names[i], float(self.t[k]), share, excess)
+
+
+def excesses(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> tuple[Excess, Excess, Excess]:
+    """Excesses of a motion over its torque, velocity and position limits.
+
+    Torque is linear between samples and is checked there. The size of a torque limit is half its range, that of a
+    position limit its range, or 1 rad if the range is smaller or infinite.
+
+    Args:
+        limits: limits to check.
+        motion: the motion.
+        dense: number of points between samples at which velocities and positions are checked; 1: only the samples.
+    """
+    t, q, v = _between(motion, dense)
+    t, q, v = np.append(motion.t, t), np.vstack([motion.q, q]), np.vstack([motion.v, v])
+    fastest = np.where(np.isinf(limits.velocity), 1.0, limits.velocity)
+    beyond = np.maximum(q - limits.position_upper, limits.position_lower - q)
+    bounded = np.where(np.isinf(limits.position_upper), 0, limits.position_upper - limits.position_lower)
+    return (
+        torque_excess(limits, motion),
+        Excess("velocity limit", t, np.abs(v) - limits.velocity, ("rad/s", "m/s"), fastest),
+        Excess("position limit", t, beyond, ("rad", "m"), np.maximum(bounded, 1.0)),
+    )
+
+
+def torque_excess(limits: JointLimits, motion: Trajectory) -> Excess:
+    """Excess of a motion over its torque limits, at its samples."""
+    pushed = limits.actuators.excess(motion.tau, motion.q, motion.v)
+    return Excess("torque limit", motion.t, pushed, ("N m", "N"), limits.actuators.scale)
+
+
+def proven(robot: Robot, motion: Trajectory, torque: Excess) -> Excess:
+    """The part of a table's excess over the torque limits that its rows prove.
+
+    A derived torque is that of a mean acceleration over the steps around a row, in the row's state. While the torques
+    are within constant limits so is their mean, but for the change of the inertias and of the other torques over these
+    steps: that of the state, from the row before to the row after, is taken off.
+
+    Args:
+        robot: the arm.
+        motion: the table.
+        torque: its excess over the torque limits, at its samples.
+    """
+    if "tau" not in motion.derived or not robot.has_dynamics:
+        return torque
+    v = None if "v" in motion.derived else motion.v
+    a, torques = Planned(motion.t, motion.q, v).accelerations(), inverse_dynamics(robot)
+    rows, last = np.arange(motion.t.size), motion.t.size - 1
+    before, after = np.maximum(rows - 1, 0), np.minimum(rows + 1, last)
+    if v is None:  # the first and the last mean are over two steps, too
+        before[-1], after[0] = last - 2, 2
+    apart = [np.abs(torques(motion.q[k], motion.v[k], a) - motion.tau) for k in (before, after)]
+    return replace(torque, beyond=torque.beyond - np.maximum(*apart))
+
+
+def _between(motion: Trajectory, dense: int) -> tuple[Array, Array, Array]:
+    """Times [s], positions and velocities between a motion's samples, shapes (m,), (m, nq), (m, nv).
+
+    Args:
+        motion: the motion.
+        dense: points per interval between samples, including its first sample; a jump has no further points.
+    """
+    flows, parts = np.flatnonzero(~motion.jumps), np.arange(1, dense)[:, None, None] / dense
+    t, h = motion.t[flows, None], np.diff(motion.t)[flows, None]
+    q, v = ((x[flows], x[flows + 1]) for x in (motion.q, motion.v))
+    at, speed = cubic(parts, h, q, v)
+    return (t + parts * h).ravel(), at.reshape(-1, at.shape[2]), speed.reshape(-1, speed.shape[2])
+
+
+def limit_violation(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> float:
+    """Largest excess over any limit, as a part of it; 0 if all are kept. Arguments as for `excesses`."""
+    return max(excess.share for excess in excesses(limits, motion, dense))
+
+
+def worst_violation(robot: Robot, limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> Violation | None:
+    """The largest excess over a limit; None if all are kept. Arguments as for `excesses`."""
+    worst = max(excesses(limits, motion, dense), key=lambda excess: excess.share)
+    return worst.worst(robot) if worst.share > 0 else None
+
 
 _CLIPS = 2
 """Rounds of clipping a torque to its range at the resulting state: each leaves 1e-3 of the excess."""
@@ -99,64 +210,6 @@ def _lines(motion: Trajectory) -> Array:
     second_difference = 2 * (slopes[inner] - slopes[inner - 1]) / (before + after)
     tau[inner] -= (before**3 + after**3) / (before + after) / 12 * second_difference
     return tau
-
-
-def slowed(task: Task, optimum: Optimum) -> Optimum:
-    """Slow an optimum down by the smallest factor for which its replay satisfies all limits and constraints.
-
-    Every strategy ends with this step. The optimum is returned unchanged, with its arcs, if it exceeds no limit, does
-    not land, cannot be slowed down (`can_be_slowed`), or violates constraints independent of pace: position limits,
-    clearances, via points.
-
-    Args:
-        task: the problem and its settings.
-        optimum: a replayed and certified optimum.
-    """
-    numbers, factor = task.policy.refinement, least_slowing(task, optimum)
-    if factor == 1 or not (np.isfinite(factor) and can_be_slowed(task.problem)):
-        return optimum
-    if not optimum.landed:
-        return optimum
-    path, whole = replay_of(task, dense(optimum.trajectory, numbers.slow_samples)), 1.0
-    for _ in range(numbers.slowing):
-        whole *= factor
-        found = _at_pace(task, optimum, path, whole)
-        factor = least_slowing(task, found)
-        lost = found.certificate.goal_error > max(GOAL_TOLERANCE, optimum.certificate.goal_error + numbers.path_error)
-        if factor == 1 and not lost:
-            return found
-        if lost or not np.isfinite(factor) or task.stop:
-            break
-    return optimum
-
-
-def least_slowing(task: Task, optimum: Optimum) -> float:
-    """Factor on the duration for which the motion satisfies all limits; 1 if it does already, inf if unknown."""
-    limits, motion = task.problem.limits, optimum.trajectory
-    if excesses(limits, motion)[2].share > LIMIT_TOLERANCE:
-        return np.inf
-    return max(optimum.reports.slowing, least_factor(task.problem.robot, limits, motion, LIMIT_TOLERANCE))
-
-
-def _at_pace(task: Task, optimum: Optimum, path: Trajectory, factor: float) -> Optimum:
-    """Slow an optimum down along its path by a factor, and replay it."""
-    problem = task.problem
-    slowed = replace(paced(path, factor), tau=paced_torques(problem.robot, path, path.tau, factor))
-    motion = replace(follow(task, slowed), name=optimum.trajectory.name)
-    passing = factor * np.array(optimum.via_times)
-    remark = optimum.certificate.remark or f"slowed down by {percent(factor - 1)} to keep its limits: no extremal"
-    certificate = replace(certify(problem, motion, None, remark), idle=optimum.certificate.idle)
-    return replace(
-        optimum,
-        trajectory=motion,
-        certificate=certificate,
-        cost=trajectory_cost(motion, problem.effort_weights()),
-        phases=None,
-        costates=None,
-        arcs=(),
-        reports=TightenedConstraints.of(task).check(problem, motion, passing),
-        via_times=tuple(passing.tolist()),
-    )
 
 
 def can_be_slowed(problem: MinimumTimeProblem) -> bool:

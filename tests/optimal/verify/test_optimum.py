@@ -14,10 +14,9 @@ from armdyn.optimal.mesh.starts import spline
 from armdyn.optimal.minimum_time import solve_task
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import certify
-from armdyn.optimal.verify.limit_violations import limit_violation
-from armdyn.optimal.verify.optimum import Optimum, trajectory_cost
+from armdyn.optimal.verify.optimum import Optimum, slowed, trajectory_cost
 from armdyn.optimal.verify.rollout import dense, replay_of
-from armdyn.optimal.verify.slowing import can_be_slowed, least_factor, slowed
+from armdyn.optimal.verify.within_limits import can_be_slowed, least_factor, limit_violation
 from oracles import PinDynamics
 from problems import held_ur5, paper_problem, solve, solved
 
