@@ -217,7 +217,7 @@ class PathConstraint(PathConstraintSpec, ABC):
             return ConstraintReport(name, words, share, order=order)
         return ConstraintReport(name, words, share, (reason,), Violation(*worst, share - 1), order=order)
 
-    def report_of_joints(
+    def _report_of_joints(
         self,
         problem: MinimumTimeProblem,
         used: Array,

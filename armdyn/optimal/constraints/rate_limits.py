@@ -1,5 +1,7 @@
 """Limits of rates: of joints, also by their positions, and the speed of a frame."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
@@ -95,7 +97,7 @@ class DerivativeLimit(PartialLimit):
         def words(k: int, i: int) -> str:
             return f"{seen[k, i]:.5g} of {limits[i]:.5g} {'m' if robot.slides[i] else 'rad'}/s{power} at most"
 
-        return self.report_of_joints(problem, seen / limits, t.ravel(), words, f"{kind} limit", self.order)
+        return self._report_of_joints(problem, seen / limits, t.ravel(), words, f"{kind} limit", self.order)
 
 
 @dataclass(frozen=True)
@@ -179,7 +181,7 @@ class VelocityTaperLimit(PartialLimit):
         def words(k: int, i: int) -> str:
             return f"{abs(at.v[k, i]):.5g} rad/s at {at.q[k, i]:.4g} rad"
 
-        return self.report_of_joints(problem, shares, t, words, "velocity limit by position")
+        return self._report_of_joints(problem, shares, t, words, "velocity limit by position")
 
 
 def _taper(problem: MinimumTimeProblem) -> VelocityTaper:

@@ -4,6 +4,8 @@ The mesh is distributed over the legs between via points, whose end knots have e
 no rows; the replay's misses are corrected by offsets. Where legs meet in a region, curves share a free control point.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
 

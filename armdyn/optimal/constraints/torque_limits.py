@@ -170,7 +170,7 @@ class TorqueSpeedLimit(PartialLimit):
         def words(k: int, i: int) -> str:
             return f"{100 * used[k, i]:.4g} % of its line used at most"
 
-        return self.report_of_joints(problem, used, motion.t, words, "torque-speed curve")
+        return self._report_of_joints(problem, used, motion.t, words, "torque-speed curve")
 
 
 def _lines(stages: Stages, numbers: ca.SX, lines: int, inner: bool) -> ca.SX:
