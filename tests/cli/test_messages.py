@@ -202,3 +202,15 @@ def test_joints_without_torque_limits_are_named_at_once(tmp_path):
     )
     with pytest.raises(ProblemError, match=r"; to mend: effort_limit=\{'joint1': …, 'joint2': …\}$"):
         ad.MinimumTimeProblem(ad.Robot.from_urdf(tmp_path / "arm.urdf"), q_start=[0, 0], q_goal=[1, 1])
+
+
+def test_a_method_that_cannot_solve_the_problem_is_named_as_it_is_typed():
+    refused = run_here("mintime", "rr", "--method", "profiles")
+    assert refused.returncode == 2
+    said = " ".join(refused.stderr.split())
+    assert "--method profiles cannot solve this: every joint needs --acceleration-limit or --jerk-limit" in said
+
+
+def test_an_option_without_effect_is_a_warning_in_the_answer(tmp_path):
+    found = run_json("mintime", "r", "--calm", "0.01", "--starts", "1", "--no-report", "--no-figure", "--out", tmp_path)
+    assert found["warnings"] == ["--calm has no effect here: motions of a mesh are as fast as can be"]
