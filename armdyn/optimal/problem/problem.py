@@ -184,8 +184,10 @@ class MinimumTimeProblem:
         warn_if_not_held(self._deficits_at("goal"))
 
     def _set(self, **resolved: object) -> None:
-        """Store attributes as resolved."""
+        """Store attributes as resolved; arrays become read-only."""
         for name, value in resolved.items():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
             object.__setattr__(self, name, value)
 
     def _repr_parts(self) -> list[str]:
@@ -400,7 +402,6 @@ class MinimumTimeProblem:
             else:
                 given = np.zeros(self.robot.nv) if given is None else given
                 array = per_joint(given, self.robot.joint_names, name, error=ProblemError, scalar=False)
-            array.setflags(write=False)
             self._set(**{name: array})
 
     def _resolve_path_constraints(self) -> None:
@@ -448,7 +449,6 @@ class MinimumTimeProblem:
         start, goal = np.asarray(self.q_start), np.asarray(self.q_goal)
         inner = via_positions(self.robot, self.limits, (start, goal), self.via, is_clear)
         self._set(poses=np.array([start, *inner, goal]))
-        self.poses.setflags(write=False)
         check_via_regions(self.robot, self.via, self.poses)
         check_poses(self.poses)
 

@@ -211,3 +211,10 @@ def test_short_motions_take_the_time_of_constant_torques():
     taken = [ad.solve_minimum_time(ad.MinimumTimeProblem(arm, q_start=[0.0], q_goal=[way])).duration for way in ways]
     # The way of 1e-4 rad changes gravity's torque by less than 1e-4 of itself.
     assert taken == pytest.approx(np.sqrt(2 * ways * (1 / rates[0] + 1 / rates[1])), rel=1e-4)
+
+
+def test_arrays_of_a_problem_are_read_only():
+    ball = ad.Sphere((5.0, 5.0, 5.0), 0.1)
+    for problem in (paper_problem("rr"), paper_problem("rr", obstacles=[ball], reserve=0.1, acceleration_limit=100.0)):
+        for name in ("q_start", "q_goal", "v_start", "v_goal", "poses", "reserve", "velocity_reserve"):
+            assert not getattr(problem, name).flags.writeable, name
