@@ -16,24 +16,20 @@ from armdyn.optimal.bound.lower_bound import least_duration
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.curves import curves, rough_motions
 from armdyn.optimal.curves.profiles import profiles
-from armdyn.optimal.mesh.bang import minimum_time
 from armdyn.optimal.mesh.candidates import SearchResult
-from armdyn.optimal.mesh.constrained import constrained
-from armdyn.optimal.mesh.smooth import time_energy
+from armdyn.optimal.mesh.mesh import mesh
 from armdyn.optimal.problem.checks import check_pace
+from armdyn.optimal.problem.choices import MethodName
 from armdyn.optimal.problem.options import MinimumTimeOptions
-from armdyn.optimal.problem.policy.policy import Method
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.status import stopping
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.optimum import Optimum, slowed
 from armdyn.parallel import concurrently, one_blas_thread
 
-METHODS: dict[Method, Callable[[Task], tuple[list[Optimum], SearchResult]]] = {
+METHODS: dict[MethodName, Callable[[Task], tuple[list[Optimum], SearchResult]]] = {
     "profiles": profiles,
-    "arcs": minimum_time,
-    "time-energy": time_energy,
-    "mesh": lambda task: constrained(task, rough_motions(task)),
+    "mesh": lambda task: mesh(task, rough_motions),
     "curves": curves,
 }
 """Refinement methods: each maps a task to its refined and replayed optima and the statistics of its search."""
@@ -142,7 +138,7 @@ def refined(task: Task) -> tuple[list[Optimum], SearchResult]:
     return optima, found
 
 
-def _by(method: Method, task: Task) -> tuple[list[Optimum], SearchResult]:
+def _by(method: MethodName, task: Task) -> tuple[list[Optimum], SearchResult]:
     """Optima by one method; curves alone avoid obstacles; others ignore them, and clearances are checked."""
     problem = task.problem
     if not problem.has_clearance or (method == "curves" and task.policy.strategy.curves_alone):

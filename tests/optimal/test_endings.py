@@ -15,13 +15,11 @@ from armdyn.optimal.answer.assembly import assembled
 from armdyn.optimal.answer.solution import minimum_time_summary
 from armdyn.optimal.answer.words import solution_words, title_words
 from armdyn.optimal.curves.program import CurveLayout, build
-from armdyn.optimal.mesh.phases import Unresolved
-from armdyn.optimal.mesh.smooth import time_energy
 from armdyn.optimal.problem.status import Stop
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import certify
 from oracles import joint, link, urdf
-from problems import paper_problem, solved
+from problems import paper_problem
 
 
 @pytest.mark.slow
@@ -143,21 +141,6 @@ def test_a_certified_motion_is_solved_for_any_clock_afterwards(monkeypatch):
     monkeypatch.setattr("armdyn.optimal.minimum_time.assembled", cut)
     solution = ad.solve_minimum_time(paper_problem("rr"))
     assert solution.status is ad.Status.SOLVED and solution.certified
-
-
-def test_optima_that_only_a_coarse_mesh_has_are_none_and_a_curve_is_the_answer(monkeypatch):
-    def resist(task, guess):
-        phases = solved("r").phases
-        return Unresolved("Restoration Failed", ad.Status.INFEASIBLE, 7, phases)
-
-    monkeypatch.setattr("armdyn.optimal.mesh.smooth.resolved_near", resist)
-    problem = paper_problem("r", effort_weight=1.0, effort_limit=30.0)
-    optima, found = time_energy(Task.of(problem))
-    assert not optima and found.failed[0].status is ad.Status.INFEASIBLE
-    assert "the coarse optimum did not converge on" in found.failed[0].message
-    assert "Restoration Failed" in found.failed[0].message
-    solution = ad.solve_minimum_time(problem)
-    assert solution.usable and not solution.arcs and solution.intervals > 0
 
 
 def test_interrupt_returns_the_best_so_far():

@@ -14,13 +14,12 @@ from armdyn.optimal.answer.words import found_words, replay_words
 from armdyn.optimal.bound.lower_bound import least_duration
 from armdyn.optimal.curves.goals import GoalResult, screened
 from armdyn.optimal.mesh.candidates import SearchResult
-from armdyn.optimal.mesh.land import as_replayed, with_adjoint_check
 from armdyn.optimal.mesh.multistart import grouped, within
 from armdyn.optimal.problem.policy.search import GoalPolicy
 from armdyn.optimal.problem.status import Status, Stop, Violation, stopping
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, Certificate
-from armdyn.optimal.verify.optimum import Optimum
+from armdyn.optimal.verify.optimum import Optimum, as_replayed, with_adjoint_check
 from armdyn.optimal.verify.sensitivity import deciding, end_gradient, transversality
 from armdyn.reprs import joint_unit
 

@@ -127,9 +127,9 @@ def _refined(task: Task, found: Sequence[Attempt]) -> SearchResult:
         iterations += fine.iterations if attempt.intervals != task.intervals else 0
         # Coarse durations may be spurious; those on the mesh are the ones to beat.
         candidates = distinct([*candidates, fine], task.policy.same.mesh, task.policy.same.distance)
-        worth = task.policy.search.only_listed * candidates[0].trajectory.duration if candidates else np.inf
+        worth = task.policy.search.only_listed * candidates[0].cost if candidates else np.inf
         later = found[k + 1 :]
-        if k + 1 == solves or task.stop or (later and later[0].trajectory.duration >= worth):
+        if k + 1 == solves or task.stop or (later and later[0].cost >= worth):
             break
     candidates = candidates[:most] or list(found[:1])
     listed = tuple(attempt.trajectory.duration for attempt in found[k + 1 :])
@@ -149,7 +149,7 @@ def _too_coarse(task: Task, found: Sequence[Attempt], refined: SearchResult) -> 
     numbers, mesh = task.policy.search, task.intervals
     if not numbers.repeats or task.stop:
         return None
-    slower = refined.attempts[0].trajectory.duration / found[0].trajectory.duration
+    slower = refined.attempts[0].cost / found[0].cost
     confirmed = slower > numbers.too_coarse_confirmed and all(
         _misses_goal(task, attempt) for attempt in refined.attempts
     )

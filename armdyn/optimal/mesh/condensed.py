@@ -19,6 +19,7 @@ from armdyn.optimal.problem.options import SolverSettings
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.tableau import Scheme
 from armdyn.optimal.problem.task import Task
+from armdyn.optimal.verify.optimum import effort_cost
 from armdyn.trajectory import Trajectory
 
 _RELAXED = 1e-8
@@ -213,7 +214,8 @@ def _solved(
         defects = solver.equations(result.x, program.p).reshape(intervals, -1)
         violation = worst_defect(problem, full, x, defects, fractions, scales)
     motion = to_trajectory(x, full, fractions, scales, problem.robot.joint_names)
-    return Attempt(result.status, result.message, motion, intervals, result.iterations, violation), x
+    effort = effort_cost(problem, motion)
+    return Attempt(result.status, result.message, motion, intervals, result.iterations, violation, effort=effort), x
 
 
 def _layout(solver: Stagewise | Ipopt[CondensedNlp]) -> CondensedLayout:

@@ -19,6 +19,7 @@ from armdyn.optimal.problem.options import Acceptable, SolverSettings
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status, Stop, Violation
 from armdyn.optimal.problem.task import Task
+from armdyn.optimal.verify.optimum import effort_cost
 from armdyn.trajectory import Trajectory
 
 
@@ -35,6 +36,7 @@ class Attempt:
         worst_violation: worst violation; None if the solve converged, or was not begun.
         passing: times of the via points [s], shape (vias,).
         knots: knots of the mesh as parts of the duration, shape (intervals + 1,); None: equal intervals.
+        effort: cost of the torques, w/2 ∫ τᵀτ dt [s].
     """
 
     status: Status
@@ -45,6 +47,7 @@ class Attempt:
     worst_violation: Violation | None
     passing: Array = field(default_factory=lambda: np.empty(0))
     knots: Array | None = None
+    effort: float = 0.0
 
     @classmethod
     def unbegun(cls, stop: Stop, guess: Trajectory, intervals: int) -> Self:
@@ -55,6 +58,11 @@ class Attempt:
     def mesh(self) -> Array:
         """Knots as parts of the duration, shape (intervals + 1,)."""
         return mesh(self.intervals) if self.knots is None else self.knots
+
+    @property
+    def cost(self) -> float:
+        """Objective J = ∫ (1 + w/2 τᵀτ) dt [s]: the duration without a weight on effort."""
+        return self.trajectory.duration + self.effort
 
     @cached_property
     def quarters(self) -> Array:
@@ -220,15 +228,17 @@ def solve_on_mesh(
     beyond = np.maximum(g - ubg, lbg - g)[: intervals * layout.rows].reshape(intervals, -1)
     own = np.maximum(x[layout.times(intervals)[np.append(0, data.legs.knots[:-1])]] * scales.time, 0)
     times = np.append(0.0, np.cumsum(own[data.legs.of_interval] * data.fractions))
+    motion = data.motion(x, problem.robot.joint_names)
     return Attempt(
         status=result.status,
         message=result.message,
-        trajectory=data.motion(x, problem.robot.joint_names),
+        trajectory=motion,
         intervals=intervals,
         iterations=result.iterations,
         worst_violation=None if landed else worst_defect(problem, layout, x, beyond, data.fractions, scales),
         passing=np.cumsum(own)[:-1],
         knots=knots if len(own) == 1 else times / times[-1],
+        effort=effort_cost(problem, motion),
     )
 
 

@@ -3,13 +3,12 @@
 from dataclasses import dataclass
 
 import casadi as ca
-import numpy as np
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.optimal.constraints.rows import IntervalFunctions, Stages, differentiated
 from armdyn.optimal.mesh.layout import Layout, Parameters
-from armdyn.optimal.problem.tableau import Scheme
+from armdyn.optimal.problem.tableau import LOBATTO_3, Scheme
 
 
 @dataclass(frozen=True)
@@ -26,18 +25,16 @@ class _ScaledStages:
 
 def _scaled_stages(dynamics: Dynamics, scheme: Scheme) -> _ScaledStages:
     """Scaled states and torques, velocities, accelerations [rad/s²]."""
-    n, tableau, layout = dynamics.nv, scheme.tableau, Layout(dynamics.nv, scheme)
+    n, layout = dynamics.nv, Layout(dynamics.nv, scheme)
     y, p = ca.SX.sym("y", layout.width), ca.SX.sym("p", Parameters.size(n))
     by, body = Parameters.of(p, n), present_body(dynamics, p)
     left, inner, right = layout.parts(y)
 
-    first = [left[layout.knot.state]] if tableau.starts_at_knot else []
-    states = [*first, *ca.vertsplit(inner[layout.inner.states], 2 * n), right[layout.knot.state]]
-    if scheme.control == "linear":
-        u = [(1 - c) * left[layout.knot.torque] + c * right[layout.knot.torque] for c in tableau.c]
+    states = [left[layout.knot.state], inner[layout.inner.states], right[layout.knot.state]]
+    if layout.linear:
+        u = [(1 - c) * left[layout.knot.torque] + c * right[layout.knot.torque] for c in LOBATTO_3.c]
     else:
-        own = ca.vertsplit(inner[layout.inner.torques], n)
-        u = own if scheme.control == "stage" else own * tableau.c.size
+        u = [inner[layout.inner.torques]] * LOBATTO_3.c.size
 
     velocities, accelerations = [], []
     for x, torque in zip(states, u, strict=True):
@@ -66,20 +63,18 @@ def only_present(dynamics: Dynamics, numbers: ca.SX) -> ca.SX:
 
 def _equations(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
     """Unknowns, parameters, defects and cost of one interval, all scaled."""
-    n, tableau, layout, one = dynamics.nv, scheme.tableau, Layout(dynamics.nv, scheme), _scaled_stages(dynamics, scheme)
+    n, layout, one = dynamics.nv, Layout(dynamics.nv, scheme), _scaled_stages(dynamics, scheme)
     by, (left, _, right) = Parameters.of(one.p, n), layout.parts(one.y)
     start, duration = left[layout.knot.state], left[layout.knot.time]
     scale = ca.vertcat(ca.repmat(by.length, n, 1), ca.repmat(by.speed, n, 1))
     h = by.fraction * by.time * duration
     rates = [ca.vertcat(v, a) / scale for v, a in zip(one.velocities, one.accelerations, strict=True)]
     defects = []
-    for i in range(tableau.c.size):
-        if np.any(tableau.A[i]):
-            rise = sum(tableau.A[i, j] * rates[j] for j in range(tableau.c.size))
-            defects.append(one.states[i] - start - h * rise)
+    for state, weights in zip(one.states[1:], LOBATTO_3.A[1:], strict=True):
+        defects.append(state - start - h * sum(a * rate for a, rate in zip(weights, rates, strict=True)))
     defects.append(right[layout.knot.time] - duration)
 
-    square = sum(b * ca.dot(by.weights, torque**2) for b, torque in zip(tableau.b, one.torques, strict=True))
+    square = sum(b * ca.dot(by.weights, torque**2) for b, torque in zip(LOBATTO_3.b, one.torques, strict=True))
     cost = by.fraction * duration * (1 + square / 2)
     return one.y, one.p, ca.vertcat(*defects), cost
 
@@ -109,7 +104,7 @@ class CollocationInterval:
             y=one.y,
             p=one.p,
             h=by.fraction * by.time * left[layout.knot.time],
-            c=self.scheme.tableau.c,
+            c=LOBATTO_3.c,
             q=ca.horzcat(*(by.length * x[layout.knot.q] for x in one.states)),
             v=ca.horzcat(*one.velocities),
             a=ca.horzcat(*one.accelerations),

@@ -107,9 +107,8 @@ class Layout:
     @cached_property
     def inner(self) -> InnerFields:
         """Slices of an interval's own unknowns."""
-        n, stages = self.nv, self.scheme.tableau.c.size
-        states = slice(0, 2 * n * len(self.scheme.tableau.inner))
-        torques = _after(states, n * {"linear": 0, "constant": 1, "stage": stages}[self.scheme.control])
+        states = slice(0, 2 * self.nv)
+        torques = _after(states, 0 if self.linear else self.nv)
         return InnerFields(states, torques, torques.stop)
 
     @property
@@ -119,9 +118,8 @@ class Layout:
 
     @property
     def defects(self) -> Index:
-        """Indices of the defects of q and v among an interval's equations, shape (stages, 2 nv)."""
-        stages = len(self.scheme.tableau.inner) + 1  # without one at the first knot
-        return np.arange(2 * self.nv * stages).reshape(stages, 2 * self.nv)
+        """Indices of the defects of q and v in the middle and at the end of an interval, shape (2, 2 nv)."""
+        return np.arange(4 * self.nv).reshape(2, 2 * self.nv)
 
     @property
     def block(self) -> int:

@@ -53,11 +53,6 @@ class MeshCostates(Costates):
     missed: Array
     saving: float
 
-    @property
-    def velocity(self) -> Array:
-        """∂cost/∂(velocity limit) [s²/rad], shape (nv,); not positive."""
-        return -np.diff(self.t) @ np.abs(self.held[:, self.switching.shape[1] :])
-
 
 def mesh_costates(
     problem: MinimumTimeProblem, motion: Shooting, replay: Trajectory, policy: Policy
@@ -305,10 +300,14 @@ class _StationarityProgram:
         parts = (part[:, None] * h)[..., None]
         return MeshCostates(
             t=motion.t,
+            q=motion.x[:, :n],
+            v=motion.x[:, n:],
+            tau=motion.tau,
             costate=scaled / motion.size,
             points=np.stack([self.x[..., :n], self.x[..., n:], self.tau]).reshape(3, -1, n),
             pushed=(parts * r / motion.size)[..., n:].reshape(-1, n),
             switched=(parts * np.where(free, 0.0, switching) / self.width).reshape(-1, n),
+            velocity=-h @ np.abs(held[:, n:]),
             switching=np.concatenate([switching[0], switching[2, -1:]]) / self.width,
             held=held,
             missed=missed,

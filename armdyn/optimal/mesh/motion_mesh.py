@@ -23,8 +23,8 @@ from armdyn.optimal.problem.policy.search import SamePolicy
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import LIMIT_TOLERANCE, OPTIMALITY_TOLERANCE, repeated
+from armdyn.optimal.verify.costates import idle_joints
 from armdyn.optimal.verify.optimum import MeshMargins, Optimum, excess
-from armdyn.optimal.verify.pontryagin import idle_joints
 from armdyn.optimal.verify.rollout import replay_of
 from armdyn.optimal.verify.within_limits import excesses
 from armdyn.reprs import percent
@@ -50,7 +50,7 @@ class ResolvedMotions:
 
     def beats(self, mesh: Attempt) -> bool:
         """Whether the best usable motion is so much faster than a mesh's motion that the mesh is skipped."""
-        return mesh.trajectory.duration > (1 + self._numbers.abandoned) * self.best
+        return mesh.cost > (1 + self._numbers.abandoned) * self.best
 
     def usable_by(self, duration: float) -> bool:
         """Whether a motion of at most this duration is usable."""
@@ -96,14 +96,15 @@ class _Meshes:
         )
 
         def solve(guess: Trajectory, knots: Array) -> Attempt:
-            first = knots.size - 1 == numbers.intervals
-            return self._solved(within, guess, knots, rough if first else near, int(not first))
+            begins = knots is first
+            return self._solved(within, guess, knots, rough if begins else near, int(not begins))
 
         def finer(one: Attempt) -> Array:
             knots = finer_knots(within, one, numbers)
             return knots if self.affordable(knots, numbers.reserve) else one.mesh
 
-        yield from on_finer_meshes(self.task, attempt, mesh(numbers.intervals), numbers, solve, finer)
+        first = finer(attempt) if self.task.scheme.control == "linear" else mesh(numbers.intervals)
+        yield from on_finer_meshes(self.task, attempt, first, numbers, solve, finer)
 
     def sharp(self, rough: Attempt) -> Attempt:
         """Solve on the mesh of a rough solution; the rough one without convergence or budget."""
@@ -170,7 +171,8 @@ class _Meshes:
         numbers, size = self.task.policy.motion_mesh, knots.size - 1
         granted = max(numbers.fewest, int(max(self.resolved.left, numbers.last_solve) // size))
         most = min(settings.max_iterations, granted)
-        found = solve_on_knots(task, guess, knots, replace(settings, max_iterations=most), numbers.ties[tie])
+        weight = 0.0 if task.problem.pays_effort else numbers.ties[tie]
+        found = solve_on_knots(task, guess, knots, replace(settings, max_iterations=most), weight)
         self.resolved.left -= found.iterations * size
         return found
 
@@ -202,11 +204,11 @@ def on_finer_meshes(
     near = attempt
     for _ in range(numbers.rounds):
         found = solve(near.trajectory, knots)
-        slower = found.trajectory.duration > (1 + numbers.slower) * near.trajectory.duration
+        slower = found.cost > (1 + numbers.slower) * near.cost
         if not found.usable or slower or task.stop:
             return
         yield found
-        if found.trajectory.duration > (1 - settled) * near.trajectory.duration:
+        if found.cost > (1 - settled) * near.cost:
             return
         near, more = found, finer(found)
         if more.size == knots.size or more.size > numbers.most:
@@ -225,7 +227,7 @@ def finer_knots(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Arra
 def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     limits, knots, motion = task.problem.limits, attempt.mesh, attempt.trajectory
     lengths = np.diff(knots)
-    at, middle = motion(motion.duration * knots), motion(motion.duration * (knots[:-1] + knots[1:]) / 2)
+    middle = motion(motion.duration * (knots[:-1] + knots[1:]) / 2)
     level = (middle.tau - limits.actuators.center) / limits.actuators.scale
     off = np.abs(level) < 1 - task.policy.arcs.near
     jumps = np.pad(np.any(np.abs(np.diff(level, axis=0)) > numbers.jump, axis=1), 1)
@@ -234,17 +236,10 @@ def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     brief[1:-1] = off[1:-1] & (level[:-2] * level[2:] < 2 * task.policy.arcs.near - 1)
     alone = np.any(brief, axis=1) & (off.sum(axis=1) == 1)
     parts[alone] = 1.0
-    excesses = [np.abs(mean - (ends[:-1] + ends[1:]) / 2) for mean, ends in ((middle.v, at.v), (middle.q, at.q))]
-    fast = np.maximum(np.abs(at.v[:-1]), np.abs(at.v[1:])) > (1 - task.policy.arcs.near_speed) * limits.velocity
-    steady = np.abs(np.diff(at.v, axis=0)) < task.policy.arcs.in_contact * limits.velocity
-    margin = np.minimum(at.q - limits.position_lower, limits.position_upper - at.q)
-    close = np.minimum(margin[:-1], margin[1:]) < task.policy.arcs.in_contact
-    bow = np.where(fast & steady, excesses[0] / (numbers.velocity_excess * limits.velocity), 0.0)
-    bow = np.maximum(bow, np.where(close, excesses[1] / numbers.position_excess, 0.0)).max(axis=1)
     shooting = task.policy.shooting
     missed, *_ = gaps(task.problem.robot, Shooting.of(task.problem, attempt, shooting.near), shooting.steps)
     gap = np.nan_to_num(np.max(np.abs(missed), axis=1))  # error of fifth order; NaN where a motion diverges
-    parts = np.maximum(parts, np.maximum(np.sqrt(bow), (gap / numbers.gap) ** 0.2))
+    parts = np.maximum(parts, np.maximum(_by_limits(task, attempt, numbers), (gap / numbers.gap) ** 0.2))
     counts = np.where(lengths > numbers.least, np.ceil(np.minimum(parts, numbers.parts)), 1).astype(int)
     more = [_in_parts(knots, counts)]
     around = numbers.shrink * np.array([-0.5, 0.5])
@@ -257,14 +252,31 @@ def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     return np.asarray(found[apart | (found == 0)])
 
 
+def _by_limits(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
+    """Numbers of parts, shape (K,), in which intervals on limits of velocity and position bow by the tolerance."""
+    limits, near, motion = task.problem.limits, task.policy.arcs, attempt.trajectory
+    knots = attempt.mesh
+    at, middle = motion(motion.duration * knots), motion(motion.duration * (knots[:-1] + knots[1:]) / 2)
+    excesses = [np.abs(mean - (ends[:-1] + ends[1:]) / 2) for mean, ends in ((middle.v, at.v), (middle.q, at.q))]
+    fast = np.maximum(np.abs(at.v[:-1]), np.abs(at.v[1:])) > (1 - near.near_speed) * limits.velocity
+    steady = np.abs(np.diff(at.v, axis=0)) < near.in_contact * limits.velocity
+    margin = np.minimum(at.q - limits.position_lower, limits.position_upper - at.q)
+    close = np.minimum(margin[:-1], margin[1:]) < near.in_contact
+    bow = np.where(fast & steady, excesses[0] / (numbers.velocity_excess * limits.velocity), 0.0)
+    bow = np.maximum(bow, np.where(close, excesses[1] / numbers.position_excess, 0.0))
+    return np.asarray(np.sqrt(bow.max(axis=1)))
+
+
 def _bent(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     """The attempt's knots, and further ones where torques linear in an interval bend, or jump."""
     knots, motion = attempt.mesh, attempt.trajectory
-    actuators, lengths = task.problem.limits.actuators, np.diff(attempt.mesh)
-    level = (motion(motion.duration * knots).tau - actuators.center) / actuators.scale
+    lengths, tau = np.diff(attempt.mesh), motion(motion.duration * knots).tau
+    used = np.ptp(tau, axis=0) / 2  # half the range, if both limits are reached
+    level = tau / np.where(used > 0, used, 1.0)
     after = (lengths[:-1] / (lengths[:-1] + lengths[1:]))[:, None]
     bend = np.abs(level[1:-1] - (1 - after) * level[:-2] - after * level[2:]).max(axis=1)
     parts = np.sqrt(np.maximum(np.pad(bend, (1, 0)), np.pad(bend, (0, 1))) / numbers.bend)
+    parts = np.maximum(parts, _by_limits(task, attempt, numbers))
     return _in_parts(knots, np.where(lengths > numbers.ramp, np.clip(np.ceil(parts), 1, numbers.parts), 1).astype(int))
 
 

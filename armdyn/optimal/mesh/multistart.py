@@ -49,8 +49,8 @@ def within(same: float) -> Callable[[float, float], bool]:
 
 
 def ranked(attempts: Sequence[Attempt]) -> list[Attempt]:
-    """Usable attempts by duration, then the rest."""
-    return sorted(attempts, key=lambda a: (not a.usable, a.trajectory.duration))
+    """Usable attempts by cost, then the rest."""
+    return sorted(attempts, key=lambda a: (not a.usable, a.cost))
 
 
 def distinct(attempts: Sequence[Attempt], same: float, apart: float = np.inf) -> list[Attempt]:
@@ -58,16 +58,15 @@ def distinct(attempts: Sequence[Attempt], same: float, apart: float = np.inf) ->
 
     Args:
         attempts: in any order.
-        same: largest relative difference of durations within one optimum.
+        same: largest relative difference of costs within one optimum.
         apart: largest distance of motions within one optimum, at the same part of their durations [rad or m].
     """
     groups, first = list[list[Attempt]](), 0
     for attempt in ranked(attempts):
         if not attempt.usable:
             break
-        duration = attempt.trajectory.duration
-        while first < len(groups) and duration > groups[first][0].trajectory.duration * (1 + same):
-            first += 1  # later attempts are slower still
+        while first < len(groups) and attempt.cost > groups[first][0].cost * (1 + same):
+            first += 1  # later attempts cost more still
         own = next((group for group in groups[first:] if _near(group[0], attempt, apart)), None)
         if own is None:
             groups.append([attempt])
@@ -127,10 +126,10 @@ def search(task: Task, count: int, search_settings: SearchSettings, extra_jobs: 
         if own <= 0:
             continue
         if attempt.usable:
-            insort(solved, attempt.trajectory.duration)
+            insort(solved, attempt.cost)
         best = f", best {solved[0]:.4f} s" if solved else ""
         task.progress(f"search: guess {own} of {count}{best}")
-        # An optimum's duration depends on the mesh: it counts once per mesh, which is conservative.
+        # An optimum's cost depends on the mesh: it counts once per mesh, which is conservative.
         due = numbers.ends_early and task.options.search != "thorough" and own % numbers.batch == 0
         optima = len(grouped(solved, within(task.policy.same.coarse))) if due else 0
         if task.stop or (due and enough(len(solved), optima)):

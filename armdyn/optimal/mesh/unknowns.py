@@ -80,22 +80,18 @@ def to_unknowns(guess: Trajectory, layout: Layout, fractions: Array, scales: Sca
         fractions: interval lengths over duration, shape (N,).
         scales: scales of the unknowns.
     """
-    tableau, scheme, N = layout.scheme.tableau, layout.scheme, fractions.size
+    N = fractions.size
     duration = guess.duration
     knots = guess.t[0] + duration * np.concatenate([[0], np.cumsum(fractions)])
-    stage_times = knots[:-1, None] + duration * fractions[:, None] * tableau.c
-    inner_times = stage_times[:, tableau.inner.start : tableau.inner.stop]
     middles = (knots[:-1] + knots[1:]) / 2
-    at = guess(np.concatenate([knots, middles, inner_times.ravel()]))  # in one call, whose overhead dominates
+    at = guess(np.concatenate([knots, middles]))  # in one call, whose overhead dominates
     states = _states(at.q, at.v, scales)
     knot = [states[: N + 1], np.full((N + 1, 1), duration / scales.time)]
     if layout.linear:
         knot.append(at.tau[: N + 1] / scales.effort)
-    inner = [states[2 * N + 1 :].reshape(N, -1)]
-    if scheme.control == "constant":
-        inner.append(at.tau[N + 1 : 2 * N + 1] / scales.effort)
-    if scheme.control == "stage":
-        inner.append((guess(stage_times).tau / scales.effort).reshape(N, -1))
+    inner = [states[N + 1 :]]
+    if not layout.linear:
+        inner.append(at.tau[N + 1 :] / scales.effort)
     x = np.empty(layout.size(N))
     x[layout.knots(N)], x[layout.inners(N)] = np.concatenate(knot, axis=1), np.concatenate(inner, axis=1)
     return x
@@ -119,7 +115,7 @@ def to_trajectory(
         joint_names: names of the joints.
         legs: number of intervals per leg; by default one leg.
     """
-    N, tableau = fractions.size, layout.scheme.tableau
+    N = fractions.size
     knots, between, torques = x[layout.knots(N)], x[layout.inner_states(N)], x[layout.torques(N)]
     states = knots[:, layout.knot.state]
     times, first = np.zeros(N + 1), 0
@@ -133,10 +129,9 @@ def to_trajectory(
         left, right = at_knots[:-1], at_knots[1:]
     else:
         left = right = torques[:, :1]
-    c = tableau.c[tableau.inner.start : tableau.inner.stop, None]
-    t = [times[:-1, None], times[:-1, None] + c.T * np.diff(times)[:, None]]
-    state, tau = [states[:-1, None], between], [left, (1 - c) * left + c * right]
-    jumps = int(layout.scheme.control == "constant")
+    t = [times[:-1, None], (times[:-1] + times[1:])[:, None] / 2]
+    state, tau = [states[:-1, None], between], [left, (left + right) / 2]
+    jumps = int(not layout.linear)
     if jumps:  # one ulp before the next knot
         t.append(np.nextafter(times[1:, None], 0))
         state.append(states[1:, None])

@@ -12,9 +12,14 @@ from armdyn.optimal.polish.structure import Structure, Switches, switches_by, sw
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.arc import Arc, Mode
 from armdyn.optimal.verify.certificate import GOAL_TOLERANCE, OPTIMALITY_TOLERANCE
-from armdyn.optimal.verify.phases import TABLEAU, Phases, motion_of
+from armdyn.optimal.verify.costates import Phases
 from armdyn.optimal.verify.rollout import gauss_steps, replay_of
 from armdyn.trajectory import Trajectory
+
+_QUADRATURE = tuple((np.polynomial.legendre.leggauss(5) + np.array([[1.0], [0.0]])) / 2)
+"""Gauss points in a segment, as parts of it, and their weights: of order ten, integrals are right to 1e-6."""
+_SAMPLES = 8
+"""Samples of a segment: cubics between them err by 2e-5 of the largest speed; with one by 4e-3."""
 
 
 def polished(task: Task, motion: Trajectory, solved: set[Structure]) -> Phases | None:
@@ -98,7 +103,7 @@ def _solved(task: Task, motion: Trajectory, solved: set[Structure]) -> tuple[Swi
 
 def _asked_for(task: Task, own: Switches, motion: BangMotion) -> Switches | None:
     """The switches that a motion's costates ask for; None: its own."""
-    h, nodes, tau = motion.shooting.seconds(motion.lengths), TABLEAU.c[:-1], motion.shooting.tau
+    h, (nodes, _), tau = motion.shooting.seconds(motion.lengths), _QUADRATURE, motion.shooting.tau
     switching = _along(task, motion)[2][:, 1:-1]
     excess = 2 * switching * (tau - task.problem.limits.actuators.center)[:, None]  # by which H could be lower
     if np.max(excess) <= OPTIMALITY_TOLERANCE:
@@ -122,7 +127,7 @@ def _along(task: Task, motion: BangMotion) -> tuple[Array, Array, Array]:
         (q, v) and its costates [s/rad, s²/rad], shape (segments, nodes + 2, 2 nv), and S [s/(N m)], shape (…, nv).
     """
     problem, shooting, n = task.problem, motion.shooting, task.problem.robot.nv
-    size, nodes, h, tau = shooting.size, TABLEAU.c[:-1], shooting.seconds(motion.lengths), shooting.tau
+    size, (nodes, _), h, tau = shooting.size, _QUADRATURE, shooting.seconds(motion.lengths), shooting.tau
     torques = np.tile(np.stack([tau, tau], axis=1), (nodes.size, 1, 1))
     starts = np.tile(motion.x * size, (nodes.size, 1))
     ends, flow, _ = gauss_steps(problem.robot)((nodes[:, None] * h).ravel(), starts, torques, task.policy.polish.steps)
@@ -136,29 +141,44 @@ def _along(task: Task, motion: BangMotion) -> tuple[Array, Array, Array]:
 
 
 def _phases(task: Task, switches: Switches, motion: BangMotion) -> Phases:
-    """The motion's arcs with costates at the starts and stages of its segments."""
+    """The motion's arcs with costates at the starts and Gauss points of its segments."""
     problem, shooting, n = task.problem, motion.shooting, task.problem.robot.nv
-    h, nodes, tau, arc_of = shooting.seconds(motion.lengths), TABLEAU.c[:-1], shooting.tau, shooting.arc_of
-    x, costate, switching = _along(task, motion)
-    states = x.reshape(h.size, -1, 2, n)
-    weights = h[:, None, None] * TABLEAU.b[:, None]
-    held, t = np.repeat(tau[:, None], TABLEAU.c.size, axis=1), np.append(0.0, np.cumsum(h))
-    arcs = _arcs(task, switches, motion.lengths * shooting.unit)
+    h, x, (_, shares) = shooting.seconds(motion.lengths), motion.x * shooting.size, _QUADRATURE
+    along, costate, switching = _along(task, motion)
+    inner, tau, t = along[:, 1:-1].reshape(-1, 2 * n), shooting.tau, np.append(0.0, np.cumsum(h))
+    weights = (h[:, None] * shares).reshape(-1, 1)
+    arcs, states = _arcs(task, switches, motion.lengths * shooting.unit), np.vstack([x, along[-1:, -1]])
     return Phases(
-        arcs=arcs,
         t=t,
-        q=np.vstack([states[:, 0, 0], states[-1:, -1, 0]]),
-        v=np.vstack([states[:, 0, 1], states[-1:, -1, 1]]),
+        q=states[:, :n],
+        v=states[:, n:],
+        tau=np.stack([tau, tau], axis=1),
         costate=np.vstack([costate[:, 0], costate[-1:, -1]]),
-        tau=held,
-        arc_of=arc_of,
-        points=np.stack([states[:, 1:, 0], states[:, 1:, 1], held]).reshape(3, -1, n),
-        pushed=(weights * costate[:, 1:, n:]).reshape(-1, n),
-        switched=np.where(problem.limits.passive, 0.0, weights * switching[:, 1:]).reshape(-1, n),
-        state_multiplier=np.zeros((h.size, nodes.size, 2, n)),
-        knot_multiplier=np.zeros((h.size - 1, 2, n)),
-        torques=motion_of(problem, arcs, arc_of, t, states, held, task.policy.arcs),
+        points=np.stack([inner[:, :n], inner[:, n:], np.repeat(tau, shares.size, axis=0)]),
+        pushed=weights * costate[:, 1:-1, n:].reshape(-1, n),
+        switched=np.where(problem.limits.passive, 0.0, weights * switching[:, 1:-1].reshape(-1, n)),
+        velocity=np.zeros(n),
+        arcs=arcs,
+        torques=_sampled(problem.robot.joint_names, t, states, tau),
     )
+
+
+def _sampled(names: tuple[str, ...], t: Array, states: Array, tau: Array) -> Trajectory:
+    """Samples of segments of constant torque; where it jumps, one sample lies an ulp before the knot.
+
+    Args:
+        names: names of the joints.
+        t: knots [s], shape (S + 1,).
+        states: (q, v) at the knots, shape (S + 1, 2 nv).
+        tau: torques of the segments, shape (S, nv).
+    """
+    n = tau.shape[1]
+    knots = Trajectory(t, states[:, :n], states[:, n:], np.vstack([tau, tau[-1:]]), names, "minimum time")
+    times = t[:-1, None] + np.linspace(0, 1, _SAMPLES + 1) * np.diff(t)[:, None]
+    times[:, -1] = np.append(np.nextafter(t[1:-1], 0), t[-1])
+    times, held = times.ravel(), np.repeat(tau, _SAMPLES + 1, axis=0)
+    kept = np.append(np.any(np.diff(held, axis=0) != 0, axis=1) | (np.diff(times) > 1e-13), True)
+    return replace(knots, t=times[kept], q=knots(times[kept]).q, v=knots(times[kept]).v, tau=held[kept])
 
 
 def _arcs(task: Task, switches: Switches, durations: Array) -> tuple[Arc, ...]:

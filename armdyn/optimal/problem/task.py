@@ -186,13 +186,7 @@ class Task:
     def _raised(self) -> tuple[str, ...]:
         """Options above their defaults."""
         policy, options, usual = self.policy, self.options, MinimumTimeOptions()
-        own = (
-            policy.curves
-            if policy.strategy.curves_alone
-            else policy.smooth
-            if self.problem.pays_effort
-            else policy.search
-        )
+        own = policy.curves if policy.strategy.curves_alone else policy.search
         raised = {
             "search": options.search == "thorough",
             "starts": (options.starts or 0) > own.starts,

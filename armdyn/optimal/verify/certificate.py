@@ -17,8 +17,7 @@ from armdyn.arguments import number
 from armdyn.optimal.problem.checks import LANDING, LEAST_WAY
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
-from armdyn.optimal.verify.phases import Phases
-from armdyn.optimal.verify.pontryagin import idle_joints, pontryagin
+from armdyn.optimal.verify.costates import Phases, idle_joints, pontryagin
 from armdyn.optimal.verify.rollout import ACCURACY, Segments, under_feedback
 from armdyn.optimal.verify.within_limits import worst_violation
 from armdyn.reprs import brief, joint_unit, optimality_words, percent

@@ -1,31 +1,55 @@
-"""Costates of a motion and their integrals, from which derivatives of its cost follow, whatever method found it."""
+"""Costates of a motion, whatever method found it: Pontryagin's conditions, and a check by the adjoint equations.
 
-from abc import ABC, abstractmethod
-from dataclasses import dataclass
+ρ̇ = −∂H/∂x = −(∂f/∂x)ᵀρ, with ∂f/∂x from Pinocchio's derivatives of forward dynamics, integrated from the goal back to
+the start. Integrated backwards a difference grows as fast as the motion diverges, ten thousandfold on a heavily laden
+arm. Therefore the costates are compared with the solution of the equations that is nearest to all of them: shadowing.
+"""
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from armdyn.arrays import Array
+from armdyn.dynamics.numeric import forward_dynamics, joint_inertia
+from armdyn.models.robots.robot import Robot
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.verify.arc import Arc
+from armdyn.optimal.verify.rollout import replay_torques, transitions
+from armdyn.reprs import brief
+from armdyn.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
-class Costates(ABC):
+class Costates:
     """Costates of an optimum, and their integrals over parts of its time with one point of the motion in each.
 
     Attributes:
         t: knots [s], shape (K + 1,).
+        q: positions at the knots, shape (K + 1, nv).
+        v: velocities at the knots, shape (K + 1, nv).
+        tau: torques at start and end of the intervals [N m or N], linear between, shape (K, 2, nv).
         costate: ρ = ∂(cost to go)/∂(q, v) at the knots, shape (K + 1, 2 nv).
         points: positions, velocities and torques at the points, shape (3, P, nv).
         pushed: ∫ρ_v dt over each point's part, the derivatives by the accelerations there [s²/rad], shape (P, nv).
         switched: ∫S dt, the derivatives by the torques there [s/(N m)], shape (P, nv): negative on the upper limit,
             positive on the lower one; 0 of a joint without a motor.
+        velocity: ∂cost/∂(velocity limit) [s²/rad], shape (nv,); not positive.
     """
 
     t: Array
+    q: Array
+    v: Array
+    tau: Array
     costate: Array
     points: Array
     pushed: Array
     switched: Array
+    velocity: Array
+
+    @property
+    def duration(self) -> float:
+        """t_f [s]."""
+        return float(self.t[-1])
 
     @property
     def effort_upper(self) -> Array:
@@ -37,7 +61,95 @@ class Costates(ABC):
         """∂cost/∂(lower torque limit) [s/(N m)], shape (nv,); not negative."""
         return np.asarray(np.maximum(self.switched, 0.0).sum(axis=0))
 
-    @property
-    @abstractmethod
-    def velocity(self) -> Array:
-        """∂cost/∂(velocity limit) [s²/rad], shape (nv,); not positive."""
+
+@brief
+@dataclass(frozen=True, eq=False)
+class Phases(Costates):
+    """Costates of exact bang arcs, whose intervals are the segments of multiple shooting.
+
+    Attributes:
+        arcs: arcs with their exact durations.
+        torques: the motion's torques, for `replay_torques`; states between the knots are interpolated.
+    """
+
+    arcs: tuple[Arc, ...]
+    torques: Trajectory
+
+
+def pontryagin(problem: MinimumTimeProblem, costates: Costates) -> tuple[Array, Array, float]:
+    """H, shape (K + 1,), and S, shape (K + 1, nv), at the knots; largest decrease of H by moving one torque there.
+
+    Args:
+        problem: the problem, whose cost is time alone.
+        costates: costates of a motion whose torques are on their limits.
+    """
+    robot, n = problem.robot, problem.robot.nv
+    tau, rates = np.vstack([costates.tau[:, 0], costates.tau[-1:, 1]]), costates.costate[:, n:]
+    acceleration = forward_dynamics(robot)(costates.q, costates.v, tau)
+    switching = np.asarray(np.linalg.solve(joint_inertia(robot)(costates.q), rates[..., None])[..., 0], float)
+    hamiltonian = 1 + np.sum(costates.costate[:, :n] * costates.v + rates * acceleration, axis=1)
+    lower, upper = problem.limits.actuators.range(costates.q, costates.v)
+    fall = np.maximum(switching, 0) * (tau - lower) + np.maximum(-switching, 0) * (upper - tau)
+    return np.asarray(hamiltonian, float), switching, float(np.max(fall[:-1]))
+
+
+def idle_joints(problem: MinimumTimeProblem, costates: Costates, switching: Array, tolerance: float) -> tuple[str, ...]:
+    """Joints that minimum time leaves undetermined for over half of the motion, with zero costates.
+
+    Zero costates are the only ones that Pontryagin's conditions allow there: H does not depend on the joint's motion.
+
+    Args:
+        problem: the minimum-time problem.
+        costates: costates of its optimum.
+        switching: S at the knots, shape (K + 1, nv).
+        tolerance: tolerance of a change of H, relative to time's 1.
+    """
+    if problem.effort_weight > 0:  # every torque costs
+        return ()
+    by_torque = np.abs(switching) * problem.limits.actuators.width
+    by_position = np.abs(costates.costate[:, : problem.robot.nv]) * np.max(np.abs(costates.v), axis=0)
+    zero = np.maximum(by_torque, by_position) <= tolerance
+    shares = np.diff(costates.t) @ (zero[:-1] & zero[1:]) / costates.duration
+    return tuple(name for name, share in zip(problem.robot.joint_names, shares, strict=True) if share > 1 / 2)
+
+
+def adjoint_error(robot: Robot, replay: Trajectory, costates: Costates) -> float:
+    """Residual of the costates in the adjoint equations without active limits of the state, as a change of H.
+
+    A difference in ρ_q is weighted by the joint's largest velocity, one in ρ_v by its largest acceleration; H is
+    relative to time's 1.
+
+    Args:
+        robot: the robot.
+        replay: replay of the motion.
+        costates: costates of the motion.
+
+    Returns:
+        The largest difference at any knot, of any joint; infinite if the replay or the integration broke off.
+    """
+    if abs(replay.duration - costates.duration) > 1e-12 * costates.duration:
+        return float("inf")
+    t = np.union1d(replay.t, np.minimum(costates.t, replay.t[-1]))
+    at = replay(t)
+    motion = replay_torques(robot, replace(replay, t=t, q=at.q, v=at.v, tau=at.tau))
+    if motion.t[-1] != t[-1]:
+        return float("inf")
+    a = forward_dynamics(robot)(motion.q, motion.v, motion.tau)
+    peaks = [np.max(np.abs(each), axis=0) for each in (motion.v, a)]
+    size = np.concatenate([np.maximum(each, 1e-3 * np.max(each)) for each in peaks])
+    x, tau = np.concatenate([motion.q, motion.v], axis=1), np.stack([motion.tau[:-1], motion.tau_end], axis=1)
+    steps = transitions(robot, np.diff(t), x[:-1], tau, size)
+    if steps is None:
+        return float("inf")
+    place = np.searchsorted(t, np.minimum(costates.t, t[-1]))
+    found = np.empty((*costates.costate.shape, size.size + 1))  # a solution, and its derivatives in the goal's costates
+    found[-1] = here = np.column_stack([costates.costate[-1], np.diag(1 / size)])
+    for k in range(costates.t.size - 2, -1, -1):
+        for step in range(place[k + 1] - 1, place[k] - 1, -1):
+            here = steps[step].T @ here
+        found[k] = here
+    if not np.all(np.isfinite(found)):
+        return float("inf")
+    apart, freedom = (found[:, :, 0] - costates.costate) * size, found[:, :, 1:] * size[:, None]
+    shift = np.linalg.lstsq(freedom.reshape(apart.size, -1), apart.ravel(), rcond=None)[0]
+    return float(np.max(np.abs(apart - freedom @ shift)))

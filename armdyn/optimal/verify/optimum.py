@@ -13,9 +13,8 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.arc import Arc
-from armdyn.optimal.verify.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE, Certificate, certify
-from armdyn.optimal.verify.costates import Costates
-from armdyn.optimal.verify.phases import Phases
+from armdyn.optimal.verify.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE, Certificate, certify, repeated
+from armdyn.optimal.verify.costates import Costates, Phases, adjoint_error
 from armdyn.optimal.verify.rollout import dense, replay_of
 from armdyn.optimal.verify.sensitivity import Share
 from armdyn.optimal.verify.within_limits import (
@@ -90,7 +89,7 @@ class Optimum:
         certificate = certify(problem, motion, phases, remark)
         certificate = certificate if idle is None else replace(certificate, idle=idle)
         found: dict[str, Any] = {"costates": phases, "arcs": phases.arcs} if phases else {}
-        cost = trajectory_cost(motion, problem.effort_weights())
+        cost = motion.duration + effort_cost(problem, motion)
         return cls(motion, certificate, cost, intervals, phases, **(found | more))
 
     @property
@@ -119,9 +118,44 @@ class Optimum:
         return self.certificate.usable and not self.missed
 
 
+def as_replayed(task: Task, optimum: Optimum) -> Optimum:
+    """Complete an optimum's certificate by `repeated`; states that do not repeat give way to those of a replay.
+
+    Args:
+        task: the problem and its settings.
+        optimum: a landed optimum.
+    """
+    motion, certificate = optimum.trajectory, optimum.certificate
+    if certificate.growth is None:  # else it was repeated by its refinement method
+        certificate = repeated(task.problem, motion, certificate)
+    if not certificate.repeats and (replay := replay_of(task, motion)).t[-1] == motion.t[-1]:
+        motion = replace(replay, name=motion.name)
+        certificate = repeated(task.problem, motion, optimum.certificate)
+    return replace(optimum, trajectory=motion, certificate=certificate)
+
+
+def with_adjoint_check(task: Task, optimum: Optimum) -> Optimum:
+    """Add the adjoint equations' error to an extremal's certificate, unless it is known.
+
+    Args:
+        task: the problem and its settings.
+        optimum: a landed optimum.
+    """
+    known = optimum.certificate.adjoint_error is not None
+    if optimum.phases is None or known or not optimum.certificate.extremal:
+        return optimum
+    error = adjoint_error(task.problem.robot, optimum.trajectory, optimum.phases)
+    return replace(optimum, certificate=replace(optimum.certificate, adjoint_error=error))
+
+
 def trajectory_cost(motion: Trajectory, weight: ArrayLike) -> float:
     """J = ∫ (1 + ½ Σ wᵢ τᵢ²) dt [s], see `torque_squared`; w in 1/(N m)²."""
     return motion.duration + torque_squared(motion, weight) / 2
+
+
+def effort_cost(problem: MinimumTimeProblem, motion: Trajectory) -> float:
+    """Part of J that torques cost, ½ ∫ Σ wᵢ τᵢ² dt [s]."""
+    return torque_squared(motion, problem.effort_weights()) / 2 if problem.pays_effort else 0.0
 
 
 def torque_squared(motion: Trajectory, weight: ArrayLike = 1.0) -> float:

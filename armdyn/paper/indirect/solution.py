@@ -13,7 +13,7 @@ from armdyn.optimal.problem.options import MAX_STARTS
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.verify.arc import Arc
-from armdyn.optimal.verify.phases import TABLEAU, Phases
+from armdyn.optimal.verify.costates import Costates
 from armdyn.optimal.verify.within_limits import excesses
 from armdyn.paper.indirect.bang_bang import BangBangExtremal, BangBangProblem
 from armdyn.paper.indirect.boundary import BoundaryExtremal, BoundaryProblem
@@ -96,7 +96,7 @@ class IndirectSolution:
         hamiltonian_spread: largest |H|; 0 at an optimum.
         residual: largest of the equations that were solved, scaled.
         arcs: for minimum time, the active limit of every joint and the durations; else empty.
-        direct: the direct method's solution that it was seeded with, if its arcs were resolved.
+        direct: the direct method's solution that it was seeded with, if its costates are known.
         solve_time: wall time [s].
     """
 
@@ -113,7 +113,7 @@ class IndirectSolution:
     hamiltonian_spread: float
     residual: float
     arcs: tuple[Arc, ...] = ()
-    direct: Phases | None = None
+    direct: Costates | None = None
     solve_time: float = 0.0
 
 
@@ -147,7 +147,7 @@ def from_extremal(
     boundary: BoundaryProblem,
     found: BoundaryExtremal,
     options: IndirectOptions,
-    direct: Phases | None,
+    direct: Costates | None,
 ) -> IndirectSolution:
     """The solution of an extremal, converged or not.
 
@@ -178,7 +178,7 @@ def from_arcs(
     shooting: BangBangProblem,
     found: BangBangExtremal,
     options: IndirectOptions,
-    direct: Phases | None,
+    direct: Costates | None,
 ) -> IndirectSolution:
     """The solution of converged arcs; a jump of the torque is two samples one ulp apart.
 
@@ -201,7 +201,7 @@ def from_arcs(
 
 
 def checked(
-    problem: MinimumTimeProblem, options: IndirectOptions, samples: ExtremalSamples, direct: Phases | None
+    problem: MinimumTimeProblem, options: IndirectOptions, samples: ExtremalSamples, direct: Costates | None
 ) -> IndirectSolution:
     """The solution, if it keeps the limits on position and velocity that went into no equation.
 
@@ -252,7 +252,7 @@ class Comparison:
         duration: |difference| of t_f against t_f.
         q: largest of the positions.
         v: of the velocities.
-        tau: of the torques, at the direct method's stages, a millionth inside its intervals.
+        tau: of the torques, a millionth inside the ends of the direct method's intervals.
         costate_q: of ρ_q.
         costate_v: of ρ_v.
     """
@@ -265,25 +265,25 @@ class Comparison:
     costate_v: float
 
 
-def compare_with_direct(indirect: IndirectSolution, direct: Phases | None = None) -> Comparison:
+def compare_with_direct(indirect: IndirectSolution, direct: Costates | None = None) -> Comparison:
     """Compare an indirect solution with a direct one.
 
     Args:
         indirect: one solution; between its samples costates are linear, which costs about 1e-4 of their peak.
-        direct: the other, as `Solution.phases`; None: the one that seeded the first.
+        direct: the other, as `Solution.costates`; None: the one that seeded the first.
 
     Raises:
         ProblemError: an argument is no solution, or has no motion.
     """
     expect(indirect, IndirectSolution, "indirect", "the result of solve_indirect")
-    direct = indirect.direct if direct is None else expect(direct, Phases, "direct", "Solution.phases")
+    direct = indirect.direct if direct is None else expect(direct, Costates, "direct", "Solution.costates")
     if direct is None:
         raise ProblemError("the indirect solution was not seeded by a direct one: give direct=")
     n, motion = direct.q.shape[1], indirect.trajectory
     stretch = indirect.duration / direct.duration
     at = motion(stretch * direct.t)
-    inside = np.clip(TABLEAU.c, _INSIDE, 1 - _INSIDE)
-    stages = direct.t[:-1, None] + np.diff(direct.t)[:, None] * inside
+    inside = np.array([_INSIDE, 1 - _INSIDE])
+    ends = direct.t[:-1, None] + np.diff(direct.t)[:, None] * inside
     costates = np.array([np.interp(stretch * direct.t, motion.t, row) for row in indirect.costates.T]).T
 
     def difference(found: Array, known: Array) -> float:
@@ -293,7 +293,7 @@ def compare_with_direct(indirect: IndirectSolution, direct: Phases | None = None
         duration=abs(stretch - 1),
         q=difference(at.q, direct.q),
         v=difference(at.v, direct.v),
-        tau=difference(motion(stretch * stages).tau, direct.tau),
+        tau=difference(motion(stretch * ends).tau, direct.tau),
         costate_q=difference(costates[:, :n], direct.costate[:, :n]),
         costate_v=difference(costates[:, n:], direct.costate[:, n:]),
     )

@@ -1,7 +1,7 @@
 """`solve_indirect`: the paper's second approach, equations (16) to (21), for any arm.
 
 The canonical system of `canonical` is solved as a boundary value problem with free final time, seeded by the
-direct method's states and multipliers. With a weight on effort that is all. For minimum time the weight is let
+direct method's states and costates. With a weight on effort that is all. For minimum time the weight is let
 fall, each solution seeding the next, until the saturated torque shows the arcs, whose durations multiple
 shooting then finds exactly. A solution satisfies Pontryagin's conditions: it is a local optimum of any
 basin it was started in, not proven to be the best one.
@@ -17,14 +17,18 @@ from armdyn.arguments import expect
 from armdyn.errors import ProblemError
 from armdyn.locks import cached_property
 from armdyn.optimal.answer.solution import Solution
-from armdyn.optimal.mesh.smooth import resolved_near, smooth_optima
+from armdyn.optimal.mesh.candidates import find
+from armdyn.optimal.mesh.direct import Attempt
+from armdyn.optimal.mesh.mesh_costates import mesh_costates
+from armdyn.optimal.mesh.motion_mesh import ResolvedMotions, mesh_optimum
+from armdyn.optimal.mesh.shooting import landed
 from armdyn.optimal.mesh.starts import spline
 from armdyn.optimal.problem.options import MinimumTimeOptions
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.status import Status, Stop, stopping
 from armdyn.optimal.problem.task import Task
-from armdyn.optimal.verify.arc import HELD
-from armdyn.optimal.verify.phases import Phases
+from armdyn.optimal.verify.costates import Costates
+from armdyn.optimal.verify.rollout import replay_of
 from armdyn.paper.indirect.bang_bang import BangBangProblem, guess_arcs
 from armdyn.paper.indirect.boundary import BoundaryExtremal, BoundaryProblem, solve_lobatto, solve_trapezoidal
 from armdyn.paper.indirect.canonical import CanonicalSystem, canonical_system
@@ -104,13 +108,13 @@ class _Seed:
 
     extremal: BoundaryExtremal
     weight: float
-    direct: Phases | None
+    direct: Costates | None
 
     @classmethod
-    def of(cls, phases: Phases, weight: float) -> Self:
-        """The direct method's solution, whose multipliers are the costates."""
-        y = np.hstack([phases.q, phases.v, phases.costate]).T
-        return cls(BoundaryExtremal(phases.t / phases.duration, y, phases.duration), weight, phases)
+    def of(cls, direct: Costates, weight: float) -> Self:
+        """The direct method's solution."""
+        y = np.hstack([direct.q, direct.v, direct.costate]).T
+        return cls(BoundaryExtremal(direct.t / direct.duration, y, direct.duration), weight, direct)
 
 
 def solve_indirect(
@@ -181,20 +185,32 @@ def _best(task: _IndirectTask, seeds: list[_Seed]) -> IndirectSolution:
 def _seeds(task: _IndirectTask, seed: Solution | None) -> list[_Seed]:
     """Initial guesses of the boundary value problem, the most promising first."""
     problem, options, stop = task.problem, task.options, task.stop
-    if seed is not None and seed.phases is not None and options.law.minimises:
-        return [_Seed.of(seed.phases, seed.problem.effort_weight)]
+    if seed is not None and seed.costates is not None and options.law.minimises:
+        return [_Seed.of(seed.costates, seed.problem.effort_weight)]
     numbers, weight = task.numbers, task.seed_weight
     wider, limits = 1.0 if options.bounded else numbers.wider, problem.limits
     bound = wider * limits.effort_lower, wider * limits.effort_upper
     smooth = problem.variant(effort_weight=weight, effort_limit=bound, reserve=0.0)  # the bound is less it already
     direct_task = Task.of(smooth, MinimumTimeOptions(seed=options.seed, workers=1), stop)
+    starts, most = options.starts or numbers.starts, max(numbers.candidates, options.continuations)
     if seed is not None:
-        near = resolved_near(direct_task, seed.trajectory)
-        found = [near if isinstance(near, Phases) else near.last]  # a guess all the same
-    else:
-        most = max(numbers.candidates, options.continuations)
-        found = list(smooth_optima(direct_task, options.starts or numbers.starts, most)[0])
-    return [_Seed.of(phases, weight) for phases in found]
+        starts, most, direct_task = 1, 1, direct_task.with_options(guesses=(seed.trajectory,))
+    policy = direct_task.policy.changed("search", starts=starts, refined=most)
+    direct_task = replace(direct_task, policy=policy)
+    found = (_costates(direct_task, attempt) for attempt in find(direct_task).attempts)
+    return [_Seed.of(one, weight) for one in found if one is not None]
+
+
+def _costates(task: Task, attempt: Attempt) -> Costates | None:
+    """Costates of the time-energy optimum near a mesh's solution, or of that solution; None: it does not land."""
+    optimum = mesh_optimum(task, attempt, ResolvedMotions(task.policy.motion_mesh), lambda mesh: None)
+    if optimum is not None and optimum.costates is not None:
+        return optimum.costates
+    motion = landed(task, attempt)
+    if motion is None:
+        return None
+    replay = replay_of(task, motion.trajectory(task.problem.robot.joint_names))
+    return mesh_costates(task.problem, motion, replay, task.policy)
 
 
 def _time_energy(task: _IndirectTask, seed: _Seed) -> IndirectSolution:
@@ -224,9 +240,6 @@ def _minimum_time(task: _IndirectTask, seed: _Seed) -> IndirectSolution:
     if bang.status is Status.SOLVED:
         return from_arcs(problem, shooting, bang, options, seed.direct)
     how = f"continuation came to w = {reached:.2g} (N m)^-2" if seed.weight > 0 else "from the seed's costates"
-    modes = {mode for arc in (seed.direct.arcs if seed.direct and seed.weight == 0 else ()) for mode in arc.modes}
-    if other := modes.difference(HELD):
-        how += f" (whose arcs have modes that shooting does not know: {', '.join(sorted(other))})"
     failed = replace(last, status=bang.status, message=f"{how}; {bang.message}", residual=bang.residual)
     return from_extremal(
         problem, task.boundary(min(reached, numbers.last_weight * unit), last), failed, options, seed.direct

@@ -98,8 +98,8 @@ def _indirect(case: Case, solution: Solution) -> dict[str, Fact]:
         "indirect_hamiltonian_spread": _finite(found.hamiltonian_spread),
         "indirect_message": found.message,
     }
-    if found.success and solution.phases is not None:
-        differences = asdict(compare_with_direct(found, solution.phases))
+    if found.success and solution.costates is not None:
+        differences = asdict(compare_with_direct(found, solution.costates))
         facts |= {f"indirect_{name}_difference": value for name, value in differences.items()}
     return facts
 

@@ -64,8 +64,8 @@ def test_an_unusable_motion_is_reported(solution):
 def test_only_options_above_their_defaults_are_advice_that_was_followed(solution):
     problem, weighted = solution.problem, solution.problem.variant(effort_weight=1.0)
     curve = ad.MinimumTimeProblem(ad.Robot.from_library("panda"), q_start="ready", q_goal=[0.5, 0, 0, -1.5, 0, 2, 0])
-    useless = {"search": {"calm", "bound_programs"}, "smooth": {"calm", "bound_programs"}}
-    for own, numbers in ((problem, "search"), (weighted, "smooth"), (curve, "curves")):
+    useless = {"search": {"calm", "bound_programs"}}
+    for own, numbers in ((problem, "search"), (weighted, "search"), (curve, "curves")):
         normal = getattr(Task.of(own).policy, numbers).starts
         for starts, followed in ((normal, set()), (normal + 1, {"starts"})):
             task = Task.of(own, ad.MinimumTimeOptions(starts=starts, max_intervals=100, search="quick"))

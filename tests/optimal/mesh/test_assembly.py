@@ -13,7 +13,7 @@ from armdyn.optimal.problem.tableau import Scheme
 from armdyn.trajectory import Trajectory
 from problems import paper_arm
 
-SCHEMES = [Scheme(control) for control in ("linear", "constant", "stage")]
+SCHEMES = [Scheme(control) for control in ("linear", "constant")]
 
 
 @pytest.mark.parametrize("scheme", SCHEMES, ids=str)

@@ -205,7 +205,7 @@ def test_linear_torques_are_divided_where_they_bend_or_jump():
     cart_task = Task.of(ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0], acceleration_limit=0.5))
     assert cart_task.scheme.control == "linear"
     t = np.linspace(0, 1, 41)
-    tau = np.where(t < 0.5, 0.5, -0.5) + 0.4 * np.maximum(t - 0.75, 0)  # a jump in interval 19, a corner at knot 30
+    tau = np.where(t < 0.5, 0.5, -0.5) + 0.1 * np.maximum(t - 0.75, 0)  # a jump in interval 19, a corner at knot 30
     motion = Trajectory(t, t[:, None], np.ones((41, 1)), tau[:, None], ("slide",), "torques")
     attempt = Attempt(Status.SOLVED, "", motion, 40, 0, None)
     knots = finer_knots(cart_task, attempt, cart_task.policy.motion_mesh)

@@ -15,7 +15,7 @@ from armdyn.optimal.problem.tableau import Scheme
 from armdyn.trajectory import Trajectory
 from problems import paper_problem
 
-SCHEMES = [Scheme(control) for control in ("linear", "constant", "stage")]
+SCHEMES = [Scheme(control) for control in ("linear", "constant")]
 N = 6
 
 

@@ -1,15 +1,14 @@
-"""Exact switching times from a mesh: closed forms, collocation of the same arcs, and motions that have none."""
+"""Exact switching times from a mesh: closed forms, shooting of the same arcs, and motions that have none."""
 
 import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.mesh.phases import solve_phases
 from armdyn.optimal.polish.polish import polished
 from armdyn.optimal.problem.options import MinimumTimeOptions
 from armdyn.optimal.problem.task import Task
-from armdyn.optimal.verify.phases import Phases
-from armdyn.optimal.verify.pontryagin import pontryagin
+from armdyn.optimal.verify.costates import pontryagin
+from armdyn.paper import solve_indirect
 from problems import cart, mesh_alone, paper_problem, random_solution, solved
 
 
@@ -63,15 +62,15 @@ def solved_with(problem):
 @pytest.mark.parametrize(
     "solution", [lambda: solved("rr"), pytest.param(lambda: random_solution(15), marks=pytest.mark.slow)]
 )
-def test_collocation_of_the_same_arcs_agrees(solution):
-    # Five-stage Radau IIA of ninth order, solved by IPOPT: durations, and costates from its multipliers.
+def test_shooting_of_the_canonical_system_agrees(solution):
+    # Root finding of the paper's second approach, with costates as unknowns; it starts from the polished ones.
     own = solution()
-    other = solve_phases(task_of(own.problem), own.phases.arcs, own.phases.torques, 48, warm=True)
-    assert isinstance(other, Phases)
+    other = solve_indirect(own.problem, own)
+    assert other.success, other.message
     assert own.duration == pytest.approx(other.duration, rel=1e-8)
-    scale = np.max(np.abs(other.costate), axis=0)
+    scale = np.max(np.abs(other.costates), axis=0)
     for k in (0, -1):
-        np.testing.assert_allclose(own.phases.costate[k] / scale, other.costate[k] / scale, atol=1e-4)
+        np.testing.assert_allclose(own.phases.costate[k] / scale, other.costates[k] / scale, atol=1e-4)
 
 
 @pytest.mark.parametrize("arm", ["rr", pytest.param("rrr", marks=pytest.mark.slow)])

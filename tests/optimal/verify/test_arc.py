@@ -9,15 +9,11 @@ import armdyn as ad
 from armdyn.optimal.mesh.detection import detect
 from armdyn.optimal.problem.policy.refinement import ArcsPolicy
 from armdyn.optimal.verify.arc import (
-    POSITION,
-    VELOCITY,
     Arc,
     Event,
     Mode,
     arcs_between,
     merged,
-    outward,
-    without_short,
 )
 from problems import cart
 
@@ -36,18 +32,6 @@ def test_a_touch_divides_without_changing_modes():
     assert [arc.modes for arc in arcs] == [(U,), (U,)]
     assert arcs[0].touches == ((0, Mode.POSITION_UPPER),)
     assert len(merged(arcs)) == 2
-
-
-def test_short_arc_between_two_switches_turns_their_order():
-    arcs = [Arc(0.5, (U, U)), Arc(1e-9, (L, U)), Arc(0.5, (L, L))]
-    assert [arc.modes for arc in without_short(arcs, 1e-6)] == [(U, U), (U, L), (L, L)]
-
-
-def test_short_arc_there_and_back_goes():
-    arcs = [Arc(0.5, (U,)), Arc(1e-9, (L,)), Arc(0.5, (U,))]
-    (arc,) = without_short(arcs, 1e-6)
-    assert arc.modes == (U,)
-    assert abs(arc.duration - 1.0) < 1e-12
 
 
 @pytest.mark.parametrize(("switch", "modes"), [(2, (U, Mode.FREE, L)), (4, (U, L))])
@@ -116,30 +100,3 @@ def test_arcs_from_their_own_events_are_themselves(arcs, random):
         np.testing.assert_allclose([a.duration for a in again], [a.duration for a in arcs], rtol=1e-9)
         random.shuffle(events)
         assert arcs_between(arcs[0].modes, events, total(arcs)) == again
-
-
-@given(ARCS)
-def test_nothing_goes_where_nothing_is_short(arcs):
-    assert without_short(arcs, 0.05) == arcs
-
-
-@given(ARCS, st.data())
-def test_short_arcs_go_or_turn_and_take_no_time(arcs, data):
-    k = data.draw(st.integers(0, len(arcs) - 1))
-    short = 1e-9
-    arcs = [*arcs[:k], Arc(short, arcs[k].modes), *arcs[k + 1 :]]
-    left = without_short(arcs, 1e-6)
-    assert total(left) == pytest.approx(total(arcs), abs=1.1e-5)  # an arc that is turned is ten times as long as short
-    assert len(left) <= len(arcs)
-    if 0 < k < len(arcs) - 1 and arcs[k - 1].modes == arcs[k + 1].modes:
-        assert len(left) < len(arcs)
-
-
-def test_a_short_contact_becomes_a_touch():
-    arcs = [Arc(0.5, (U,)), Arc(1e-9, (Mode.POSITION_UPPER,)), Arc(0.5, (U,))]
-    before, after = without_short(arcs, 1e-6)
-    assert before.touches == ((0, Mode.POSITION_UPPER),) and after.touches == ()
-
-
-def test_velocity_and_position_limits_have_a_side():
-    assert [outward(mode) for mode in (*VELOCITY, *POSITION)] == [1.0, -1.0, 1.0, -1.0]

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Literal, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -19,17 +19,11 @@ from armdyn.optimal.problem.policy.refinement import (
     ArcsPolicy,
     MotionMeshPolicy,
     RefinementPolicy,
-    SmoothPolicy,
 )
 from armdyn.optimal.problem.policy.search import GoalPolicy, ProgramPolicy, SamePolicy, SearchPolicy
 from armdyn.optimal.problem.policy.tuned import by_kind, rows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.tableau import Scheme
-
-Method = Literal["profiles", "arcs", "time-energy", "mesh", "curves"]
-"""Refinement methods: every joint's own fastest profile; switching times of bang-bang torques; smooth torques where
-effort has a weight; collocation, tightened until the replay satisfies the path constraints; B-splines with inverse
-dynamics, before a mesh only the straight path's."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,13 +32,13 @@ class StrategyPolicy:
 
     cases: ClassVar = TRAINED
 
-    methods: tuple[Method, ...] = by_kind(
+    methods: tuple[MethodName, ...] = by_kind(
         "methods",
         "tried in turn until an optimum is certified: beyond three joints idle joints leave arcs undetermined, and "
         "only curves are used; where velocity limits shape the motion a curve is often proven, and comes first; "
         "profiles are the optimum where rates are limited more than torques, and take a tenth of a second",
     )
-    fallback: tuple[Method, ...] = by_kind(
+    fallback: tuple[MethodName, ...] = by_kind(
         "methods",
         "tried from landed motions if no optimum is usable: a curve is a motion even without convergence; it needs "
         "a motor at every joint, since a torque of zero would be an equation all along it",
@@ -92,7 +86,6 @@ class Policy:
         polish: exact switching times of a mesh's bang arcs.
         landing: terminal correction of a mesh's torques.
         shooting: multiple shooting, and costates along its motion.
-        smooth: optima of time and energy.
         path_constraints: tightening of path constraints.
         curves: motions as curves.
         sequential: sequential convexification: curves among obstacles.
@@ -112,7 +105,6 @@ class Policy:
     polish: PolishPolicy = field(default_factory=PolishPolicy)
     landing: LandingPolicy = field(default_factory=LandingPolicy)
     shooting: ShootingPolicy = field(default_factory=ShootingPolicy)
-    smooth: SmoothPolicy
     path_constraints: PathConstraintPolicy = field(default_factory=PathConstraintPolicy)
     curves: CurvePolicy
     sequential: SequentialPolicy = field(default_factory=SequentialPolicy)
@@ -131,10 +123,12 @@ class Policy:
         many = plain and joints == 3  # hundreds of optima
         some = plain and joints == 2
         starts = _by_joints(joints, 1, 32 if some else 16 if motors else 40, 140 if many else 100)
+        if problem.effort_weight > 0:
+            starts = _by_joints(joints, 2, 16, 24)
         return cls(
             strategy=_strategy(problem, motors, speed_limited),
             program=ProgramPolicy(
-                linear=rated or not problem.limits.actuators.constant,
+                linear=rated or problem.effort_weight > 0 or not problem.limits.actuators.constant,
                 condensed=not has_constraints,
                 coarse_barriers=(1e-2, 1e-1) if many else (1e-3, 1e-2),
                 guess_iterations=250 if many else None,
@@ -143,7 +137,8 @@ class Policy:
             search=SearchPolicy(
                 starts=starts,
                 ends_early=not (many or some),
-                meshes=(15, 25) if motors else (25, 35),
+                meshes=(60,) if problem.effort_weight > 0 else (15, 25) if motors else (25, 35),
+                fine_mesh=80 if problem.effort_weight > 0 else 40,
                 neighbour_starts=_by_joints(joints, *((1, 4, 6, 1) if problem.pays_effort else (1, 8, 12, 1))),
                 spread=0.0 if many else 1.5 if joints == 3 else 1.0,
                 uniform_spread=8.0 if many and not _within_two_turns(problem) else 4.0 if many or some else 0.0,
@@ -153,7 +148,6 @@ class Policy:
                 repeats=joints > 1,
             ),
             refinement=RefinementPolicy(lists_slower=joints > 1),
-            smooth=SmoothPolicy(starts=_by_joints(joints, 2, 16, 24), refined=10 if joints == 2 else 6),
             curves=CurvePolicy(
                 cruises=speed_limited,
                 patience=300 if has_constraints or np.any(problem.robot.friction.coulomb) else 120,
@@ -176,7 +170,7 @@ class Policy:
         own = {group: replace(getattr(self, group), **numbers), "overrides": (*self.overrides, (group, numbers))}
         return replace(self, **own)
 
-    def by(self, method: Method) -> Self:
+    def by(self, method: MethodName) -> Self:
         """The policy with one method alone."""
         return self.changed("strategy", methods=(method,), fallback=())
 
@@ -191,24 +185,18 @@ class Policy:
 def _strategy(problem: MinimumTimeProblem, motors: bool, speed_limited: bool) -> StrategyPolicy:
     """Refinement methods for a class of problems."""
     alone = motors and (problem.robot.nv > 3 or problem.relative_effort_weight > 0 or problem.has_regions)
-    own = _of_mesh(problem)
-    first: tuple[Method, ...] = ("curves",) if alone or (speed_limited and motors and own == "arcs") else ()
-    profiled: tuple[Method, ...] = ("profiles",) if motors and _has_profiles(problem) else ()
+    constrained = bool(set(problem.path_constraint_names) - {"obstacles", "self-collision"})
+    free = motors and not (constrained or problem.pays_effort)
+    first: tuple[MethodName, ...] = ("curves",) if alone or (speed_limited and free) else ()
+    profiled: tuple[MethodName, ...] = ("profiles",) if motors and _has_profiles(problem) else ()
     return StrategyPolicy(
-        methods=(*profiled, *(first if alone else (*first, own))),
+        methods=(*profiled, *(first if alone else (*first, "mesh"))),
         fallback=("curves",) if motors and not alone else (),
         bounded=bool(speed_limited or profiled) and not problem.pays_effort,
     )
 
 
-def _of_mesh(problem: MinimumTimeProblem) -> Method:
-    """The method of meshes for a problem."""
-    if set(problem.path_constraint_names) - {"obstacles", "self-collision"}:
-        return "mesh"
-    return "time-energy" if problem.pays_effort else "arcs"
-
-
-def named_methods(problem: MinimumTimeProblem, name: MethodName) -> tuple[Method, ...]:
+def named_methods(problem: MinimumTimeProblem, name: MethodName) -> tuple[MethodName, ...]:
     """Refinement methods by the name of `MinimumTimeOptions.method`.
 
     Raises:
@@ -232,7 +220,7 @@ def named_methods(problem: MinimumTimeProblem, name: MethodName) -> tuple[Method
     }
     if found := [why for why, holds in faults[name].items() if holds]:
         raise ProblemError(f"`method` {name} cannot solve this: {found[0]}; without `method` another is chosen")
-    return (_of_mesh(problem) if name == "mesh" else name,)
+    return (name,)
 
 
 def _has_profiles(problem: MinimumTimeProblem) -> bool:

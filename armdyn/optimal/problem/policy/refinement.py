@@ -1,4 +1,4 @@
-"""Tuned numbers of refinement: arcs, their mesh, smooth optima."""
+"""Tuned numbers of refinement: meshes of a motion, arcs read off them, adjoint equations."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -19,13 +19,6 @@ class RefinementPolicy:
         5.0, "-", "times the error of the certified one's mesh, that an optimum may be slower", "RRR, ten payloads"
     )
     slower: float = tuned(1.02, "of a certified duration", "largest such excess", "RRR, ten payloads")
-    most_intervals: int = tuned(100, "intervals", "of the finest mesh of arcs")
-    most_per_arc: int = tuned(12, "intervals", "the same for each arc: 17 arcs need more than 100", "RRR, random pairs")
-    corrections: int = tuned(8, "rounds", "of terminal corrections of arcs")
-    landed: float = tuned(1e-8, "rad or m", "goal error at which a replay has landed: the certificate's / 100")
-    hamiltonian_tolerance: float = tuned(
-        5e-7, "-", "|H| that needs no improvement: a hundredth of the certificate's tolerance"
-    )
     slowing: int = tuned(6, "rounds", "of slowing a motion down to all limits; most take one or two", LARGE)
     path_error: float = tuned(1e-7, "rad or m", "distance from the path's end: a tenth of the goal's tolerance", LARGE)
     slow_samples: int = tuned(1000, "samples", "of a motion that is slowed down or checked", "RR")
@@ -99,10 +92,11 @@ class MotionMeshPolicy:
     parts: int = tuned(4, "parts", "of a divided interval, at most")
     jump: float = tuned(0.03, "of half a torque's range", "between intervals that are to be divided")
     bend: float = tuned(
-        1e-3,
-        "of half a torque's range",
-        "bend of linear torques at a knot that needs no more: a quarter takes 3e-5 of T less, in twice the CPU time",
-        "RR, RRR: limited accelerations",
+        5e-4,
+        "of half the range of a torque's motion",
+        "bend of linear torques at a knot that needs no more: with half of it limited accelerations take 3e-5 of T "
+        "less, in twice the CPU time",
+        "RR, RRR: limited accelerations; time-energy",
     )
     ramp: float = tuned(3e-4, "of the duration", "a shorter interval of linear torques is not divided")
     velocity_excess: float = tuned(2e-5, "of a velocity limit", "excess within an interval of constant torque")
@@ -175,7 +169,7 @@ class MotionMeshPolicy:
 
 @dataclass(frozen=True, kw_only=True)
 class ArcsPolicy:
-    """Tuned numbers of arcs: their detection on a mesh, their intervals and their solver."""
+    """Tuned numbers of the detection of arcs on a mesh."""
 
     cases: ClassVar = PLANAR
 
@@ -195,68 +189,4 @@ class ArcsPolicy:
     )
     touching: float = tuned(2e-5, "of a joint's way", "a position so near its limit is on it", "RRR, random pairs")
     at_speed: float = tuned(2e-3, "of a limit", "a speed so near its limit is on it", "random arms (RR, seeds 1 and 9)")
-    held: float = tuned(
-        1e-7, "of the duration", "sensitivity to a limit, over its whole size, above which the limit is active", "RRR"
-    )
-    shortest: float = tuned(1e-6, "of the duration", "arcs shorter than that are removed")
-    touch: int = tuned(2, "intervals", "a position limit that is active for no more is touched", "RRR")
-    least_density: float = tuned(0.15, "of the mean", "least density of a mesh: the error estimate may miss some")
-    per_arc: int = tuned(2, "intervals", "of the shortest arc")
-    layer_samples: int = tuned(
-        4000, "samples", "in which reversals through dry friction are searched", "RR with friction"
-    )
-    layer_reach: float = tuned(
-        3.0, "widths", "of the jump at which a mesh becomes coarser: friction is 0.5 % too small", "RR with friction"
-    )
-    in_layers: float = tuned(0.5, "-", "part of the intervals in such reversals", "RR with friction")
-    tolerance: float = tuned(1e-10, "scaled", "of IPOPT: durations are then accurate to about as much")
-    iterations: int = tuned(150, "iterations", "of IPOPT")
-    on_interval: int = tuned(
-        8, "samples", "of constant torques: with 1 cubics erred by 0.27 rad/s of 62, with 8 by 0.0012", "RRR"
-    )
-    barrier: float = tuned(1e-3, "scaled", "IPOPT's mu_init of arcs")
-    near_barrier: float = tuned(1e-9, "scaled", "the same, and its push, where the guess is near")
     least_share: float = tuned(1e-6, "of the time", "a smaller share is zero up to the multipliers' errors")
-    samples: int = tuned(480, "samples", "of torques that are not constant, 4 to 16 on an interval", "RRR time-energy")
-
-
-@dataclass(frozen=True, kw_only=True)
-class SmoothPolicy:
-    """Tuned numbers of the search and refinement of time-energy optima."""
-
-    cases: ClassVar = PLANAR
-
-    starts: int = by_kind("guesses", "16 for two joints, 24 for three", "planar arms, w = 1, unbounded")
-    refined: int = by_kind("optima", "that are refined", "planar arms, w = 1, unbounded")
-    coarse: int = tuned(25, "intervals", "of the search")
-    iterations: int = tuned(200, "iterations", "of a guess of the search")
-    fine: int = tuned(30, "intervals", "of the first solution by a high order")
-    most_rough: int = tuned(120, "intervals", "of the last mesh that is rough", "RRR, 500 g and 1 kg")
-    most: int = tuned(240, "intervals", "of the finest mesh", "RRR, 500 g and 1 kg")
-    optimism: float = tuned(
-        0.98, "of a coarse J", "least refined J: less is another optimum's", "RR, RRR, ten payloads"
-    )
-    steps: int = tuned(12, "solves", "for all optima together: one takes 0.1 to 6 s", "RRR, ten payloads")
-    settled: float = tuned(1e-5, "-", "|H| at which a mesh is replayed: a tenth of the certificate's tolerance")
-    warm: float = tuned(0.02, "-", "|H| below which the next solve starts warm: 4 to 10 iterations, not 50")
-    rough: float = tuned(0.05, "-", "|H| beyond which a mesh is too coarse to show active limits")
-    artefact: float = tuned(1.0, "-", "|H| beyond which a mesh does not show where to refine, either")
-    unlikely: float = tuned(
-        2.0,
-        "-",
-        "|H| beyond which a first solution is most likely an artefact, and is refined last",
-        "RR, RRR, 500 g and 1 kg: good ones began with 1.1 at the most, artefacts with 1 to 60",
-    )
-    dropped: float = tuned(1.5, "of the least J", "larger coarse optima are dropped; some of the best are artefacts")
-    likely_artefact: float = tuned(
-        1.5,
-        "of a coarse J",
-        "refined J beyond which the coarse optimum is most likely an artefact, and is refined last",
-        "RR, RRR, 500 g and 1 kg: good ones came to 1.34 at the most, artefacts to 1.6 to 4",
-    )
-    samples: int = tuned(
-        1920,
-        "samples",
-        "of the torques where linear interpolation between fewer falsifies the costates; on twice the intervals",
-        "RRR, 500 g and 1 kg",
-    )

@@ -71,9 +71,11 @@ class SearchPolicy:
     meshes: tuple[int, ...] = by_kind(
         "intervals",
         "used by the guesses in turn; joints without a motor swing, and coarse meshes admit spurious optima that are "
-        "faster than any motion",
+        "faster than any motion, or with effort in the cost cheaper: 1 kg on 25 intervals by a fifth",
     )
-    fine_mesh: int = tuned(40, "intervals", "of the mesh on which optima of coarse meshes are told apart")
+    fine_mesh: int = by_kind(
+        "intervals", "of the mesh on which optima of coarse meshes are told apart: 40, with effort in the cost 80"
+    )
     ends_early: bool = by_kind(
         "-",
         "end once few optima recur, with path constraints or effort in the cost; else, of 34 "
@@ -221,10 +223,7 @@ class SamePolicy:
         "RRR, random",
     )
     mesh: float = tuned(5e-4, "-", "from different guesses on one mesh")
-    coarse_cost: float = tuned(1e-4, "-", "J on coarse meshes")
-    coarse_duration: float = tuned(1e-3, "-", "durations at the same J on coarse meshes")
     resolved: float = tuned(1e-6, "-", "resolved to arcs")
-    resolved_cost: float = tuned(1e-7, "-", "J by the ninth order")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -41,7 +41,7 @@ TABLE = {
     "rr ball": (16, False, 1e-4, False, True, False, 4, 8),
     "rr jerk": (16, False, 1e-4, True, True, False, 4, 8),
     "rr via": (16, False, None, False, True, False, 4, 8),
-    "rr effort": (16, True, None, False, True, False, 4, 4),
+    "rr effort": (16, True, None, True, True, False, 4, 4),
     "ur5": (100, True, None, False, True, True, 1, 1),
 }
 
@@ -59,9 +59,9 @@ def test_numbers_that_depend_on_the_kind_of_problem(kind):
 
 STRATEGIES = {
     # kind: methods, fallback, whether a lower bound is computed
-    "rr": (("arcs",), ("curves",), False),
-    "rr ball": (("arcs",), ("curves",), False),
-    "rr effort": (("time-energy",), ("curves",), False),
+    "rr": (("mesh",), ("curves",), False),
+    "rr ball": (("mesh",), ("curves",), False),
+    "rr effort": (("mesh",), ("curves",), False),
     "ur5": (("curves",), (), True),
 }
 
@@ -73,7 +73,7 @@ def test_the_strategy_of_a_kind_of_problem(kind):
 
 
 def test_where_velocity_limits_shape_the_motion_curves_come_first():
-    for more, methods in (({}, ("curves", "arcs")), ({"effort_weight": 0.1}, ("time-energy",))):
+    for more, methods in (({}, ("curves", "mesh")), ({"effort_weight": 0.1}, ("mesh",))):
         strategy = Policy.of(paper_problem("rr", velocity_limit=3.0, **more)).strategy
         assert strategy.methods == methods and strategy.bounded == (not more)
 
@@ -154,9 +154,9 @@ def test_a_method_that_cannot_solve_the_problem_is_refused(method, more, why):
 @pytest.mark.parametrize(
     ("method", "more", "own"),
     [
-        ("mesh", {}, ("arcs",)),
-        ("mesh", {"velocity_limit": 5.0}, ("arcs",)),  # chosen by the problem, curves come first
-        ("mesh", {"effort_weight": 1.0}, ("time-energy",)),
+        ("mesh", {}, ("mesh",)),
+        ("mesh", {"velocity_limit": 5.0}, ("mesh",)),  # chosen by the problem, curves come first
+        ("mesh", {"effort_weight": 1.0}, ("mesh",)),
         ("mesh", {"jerk_limit": 1e4}, ("mesh",)),
         ("curves", {"jerk_limit": 1e4}, ("curves",)),
         ("profiles", {"jerk_limit": 1e4}, ("profiles",)),

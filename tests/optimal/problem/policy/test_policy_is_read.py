@@ -97,7 +97,7 @@ def posed(arm, **more):
 INSIDE = {"position_limit": ([-2.0, -0.3], [1.0, 0.3])}
 BALL = ad.Sphere((0.3, 0.0, -0.1), 0.05)
 
-ARCS = ("strategy", {"methods": ("arcs",), "bounded": False})
+MESH = ("strategy", {"methods": ("mesh",), "bounded": False})
 
 SOLVES = {
     "switching times": lambda: noted(between("r")),
@@ -105,26 +105,14 @@ SOLVES = {
     "a thorough search": lambda: noted(between("r"), search="thorough"),
     "position limits": lambda: noted(between("rr", **INSIDE), starts=4),
     "friction": lambda: noted(between("r", rubbing("r"))),
-    "time and energy, every guess an optimum": lambda: noted(
-        between("r", effort_weight=1.0),
-        [("smooth", {"refined": 1000, "dropped": 100.0}), ("same", {"coarse_cost": 0.0})],
-        starts=2,
-    ),
+    "time and energy": lambda: noted(between("r", effort_weight=1.0), starts=2),
     "time and energy, with a position limit that is touched": lambda: noted(
         ad.MinimumTimeProblem(
             paper_arm("r"), q_start=[0], v_start=[3], q_goal=[-0.5], effort_weight=1.0, position_limit=([-2], [0.035])
         ),
         starts=1,
     ),
-    "time and energy, with meshes that are too coarse": lambda: noted(
-        between("r", effort_weight=1.0, velocity_limit=8.0),
-        [("arcs", {"samples": 12}), ("smooth", {"fine": 6, "rough": 1e-9})],
-        starts=1,
-    ),
     "time and energy with friction": lambda: noted(between("r", rubbing("r"), effort_weight=1.0), starts=1),
-    "a fine mesh for time and energy": lambda: noted(
-        between("rr", effort_weight=1.0, effort_limit=30.0), [("smooth", {"settled": 1e-12})], starts=2
-    ),
     "via points": lambda: noted(between("rr", via=[[-0.7, 0.8]]), starts=2),
     "a via region": lambda: noted(
         between("rr", via=[ad.GoalPose("tip", (0.3, 0, -0.1), tolerance=[0.02] * 3 + [0] * 3)])
@@ -136,7 +124,7 @@ SOLVES = {
     "a velocity limit that slowing down mends": lambda: noted(
         between("rr", velocity_limit=8.0),
         [
-            ARCS,
+            MESH,
             ("motion_mesh", {"rounds": 0}),
         ],
         starts=1,
@@ -147,7 +135,7 @@ SOLVES = {
     ),
     "meshes that do not converge, and one that is divided": lambda: noted(
         between("rr", velocity_limit=20.0),
-        [ARCS, ("motion_mesh", {"iterations": 1, "rounds": 2, "nearly_certified": 1.0})],
+        [MESH, ("motion_mesh", {"iterations": 1, "rounds": 2, "nearly_certified": 1.0})],
         starts=1,
     ),
     "in flight": lambda: noted(between("r", velocity_limit=3.0, v_start=[3.0], acceleration_limit=100.0), starts=1),
@@ -171,7 +159,7 @@ SOLVES = {
     ),
     "a search at a velocity limit that is done again": lambda: noted(
         between("rr", velocity_limit=8.0),
-        [ARCS, ("search", {"too_coarse": 0.5})],
+        [MESH, ("search", {"too_coarse": 0.5})],
         starts=2,
     ),
     "a ball in the way, with steps that are not taken at once": lambda: noted(
@@ -354,7 +342,6 @@ CHANGED = {
         },
         "search": {"guess_duration": 0.5, "starts": 3, "meshes": (30, 50)},
     },
-    "a fine mesh for time and energy": {"arcs": {"least_density": 1.5}},
     "velocity limits on a rail": {
         "curves": {"intervals": 40, "shortest": 1e-3},
         "bound": {"growth": 2.0, "passes": 1, "shortest": 1e-3},

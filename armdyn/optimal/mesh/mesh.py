@@ -1,6 +1,6 @@
-"""Minimum time: the optima of a search, resolved and certified, with exact switching times where possible."""
+"""The method `mesh`: the optima of a search on finer meshes, certified, with exact switching times where possible."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -8,9 +8,9 @@ import numpy as np
 
 from armdyn.optimal.mesh.candidates import SearchResult, find
 from armdyn.optimal.mesh.condensed import solve_quickly
+from armdyn.optimal.mesh.constrained import constrained
 from armdyn.optimal.mesh.detection import arcs_of
 from armdyn.optimal.mesh.direct import Attempt
-from armdyn.optimal.mesh.land import as_replayed, with_adjoint_check
 from armdyn.optimal.mesh.motion_mesh import ResolvedMotions, mesh_optimum
 from armdyn.optimal.mesh.shooting import replay_on_goal
 from armdyn.optimal.mesh.unknowns import doubled
@@ -18,19 +18,25 @@ from armdyn.optimal.polish.polish import polished
 from armdyn.optimal.polish.structure import Structure
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import GOAL_TOLERANCE, certify
-from armdyn.optimal.verify.optimum import Optimum, least_slowing
+from armdyn.optimal.verify.optimum import Optimum, as_replayed, least_slowing, with_adjoint_check
 from armdyn.optimal.verify.rollout import replay_of
 from armdyn.parallel import in_processes
+from armdyn.trajectory import Trajectory
 
 _GIVEN_UP = "refinement was given up: its budget of mesh iterations is spent"
 
 
-def minimum_time(task: Task) -> tuple[list[Optimum], SearchResult]:
-    """Optima by duration on the mesh, and the search's statistics.
+def mesh(
+    task: Task, rough: Callable[[Task], Sequence[Trajectory]] = lambda task: ()
+) -> tuple[list[Optimum], SearchResult]:
+    """Optima by cost on meshes, and the search's statistics.
 
     Args:
-        task: without a weight on effort, and without path constraints.
+        task: the problem and its settings.
+        rough: maps a task with path constraints to guesses that replace the search, if a mesh has a solution near one.
     """
+    if task.problem.path_constraint_names:
+        return constrained(task, rough(task))
     found = find(task)
     if not found.attempts:
         return [], found
@@ -61,11 +67,11 @@ def refined(task: Task, found: SearchResult) -> tuple[list[Optimum], bool]:
         if optimum.usable:
             if shared:
                 shared.best = min(shared.best, optimum.cost)
-            duration, cost = attempts[k].trajectory.duration, optimum.cost
-            sure = duration + numbers.error_factor * abs(duration - cost) if optimum.certificate.ok else np.inf
+            coarse, cost = attempts[k].cost, optimum.cost
+            sure = coarse + numbers.error_factor * abs(coarse - cost) if optimum.certificate.ok else np.inf
             cutoff = min(cutoff, sure, numbers.slower * cost)
         left = attempts[k + 1 :]
-        slower = numbers.lists_slower and left and left[0].trajectory.duration > cutoff
+        slower = numbers.lists_slower and left and left[0].cost > cutoff
         if left and (task.stop or slower or (shared and shared.spent)):
             break
         if left:
@@ -112,7 +118,7 @@ def _sizes(task: Task) -> Iterator[int]:
 
 def _near(task: Task, attempt: Attempt, resolved: ResolvedMotions) -> Optimum:
     """Best motion near a mesh's solution: its bang arcs, else the resolved mesh's motion or its bang arcs."""
-    asked = task.scheme.control == "constant"
+    asked = task.problem.limits.actuators.constant
     if not asked or task.stop:
         why = "torques are linear between knots" if not asked else f"{task.stop.word} before the arcs were read"
         return Optimum.of(task.problem, replay_on_goal(task, attempt), attempt.intervals, None, why)
@@ -131,7 +137,7 @@ def _near(task: Task, attempt: Attempt, resolved: ResolvedMotions) -> Optimum:
 
 def _exact(task: Task, solved: set[Structure], mesh: Attempt) -> Optimum | None:
     """The certified motion of a mesh's bang arcs, checked by another integrator; None: there is none."""
-    phases = polished(task, mesh.trajectory, solved)
+    phases = None if task.problem.pays_effort else polished(task, mesh.trajectory, solved)
     if phases is None:
         return None
     found = Optimum.of(task.problem, replay_of(task, phases.torques), mesh.intervals, phases)

@@ -8,12 +8,9 @@ from scipy.integrate import solve_ivp
 
 import armdyn as ad
 from armdyn.dynamics.numeric import forward_dynamics, forward_dynamics_derivatives
-from armdyn.optimal.mesh.phases import solve_phases
-from armdyn.optimal.problem.task import Task
-from armdyn.optimal.verify.arc import Arc, Mode
 from armdyn.optimal.verify.certificate import OPTIMALITY_TOLERANCE
-from armdyn.optimal.verify.pontryagin import adjoint_error
-from armdyn.optimal.verify.rollout import dense, replay_torques, transitions
+from armdyn.optimal.verify.costates import adjoint_error
+from armdyn.optimal.verify.rollout import dense, transitions
 from problems import cart, luus_problem, paper_problem, solve, solved
 
 NEAR = 1e-6
@@ -58,29 +55,6 @@ def test_the_costates_of_arcs_keep_the_adjoint_equations(problem):
     assert error(solution) < NEAR
 
 
-@pytest.mark.parametrize("arm", ["r", pytest.param("rr", marks=pytest.mark.slow)])
-def test_where_effort_is_paid_for_too(arm):
-    solution = solve(paper_problem(arm, effort_weight=1.0, effort_limit=50.0))
-    # Torques of the replay are lines between samples, to 1e-6 of the true ones.
-    assert error(solution) < 0.1 * OPTIMALITY_TOLERANCE
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("limits", "options"),
-    [
-        ({"position_limit": (-np.inf, np.inf)}, {}),
-        # Of one solve, which takes less time than to build its machine code.
-        ({"effort_weight": 1.0, "effort_limit": 30.0}, {"search": "quick", "workers": 1, "compile": False}),
-    ],
-    ids=["none", "an end stop touched"],
-)
-def test_three_links_keep_them_with_pulls_of_end_stops(limits, options):
-    solution = solve(paper_problem("rrr", **limits), **options)
-    assert solution.certificate.extremal
-    assert error(solution) < 0.5 * OPTIMALITY_TOLERANCE  # 2e-5 measured at the most
-
-
 @pytest.mark.parametrize("row", [0, 5, -1])
 @pytest.mark.parametrize("column", range(4))
 def test_one_wrong_costate_is_caught(row, column):
@@ -95,29 +69,6 @@ def test_costates_of_another_motion_are_caught():
     assert error(solution, costate=solution.phases.costate[::-1]) > 0.1
     heavier = paper_problem("rr", 0.12).robot
     assert adjoint_error(heavier, solution.trajectory, solution.phases) > 10 * OPTIMALITY_TOLERANCE
-
-
-def test_without_the_pull_of_a_held_limit_the_costates_are_wrong():
-    # 0.8 s to 0.8 m/s, 1.7 s at this limit, 0.8 s to rest: Radau collocation of known arcs.
-    problem = on_the_rail(velocity_limit=0.8)
-    t = np.array([0.0, 0.8, 2.5, 3.3])
-    rows = ([0.0, 0.32, 1.68, 2.0], [0.0, 0.8, 0.8, 0.0], [1.0, 0.0, -1.0, -1.0])
-    guess = ad.Trajectory(t, *(np.array(row)[:, None] for row in rows), problem.robot.joint_names, "known")
-    arcs = [Arc(0.8, (Mode.UPPER,)), Arc(1.7, (Mode.VELOCITY_UPPER,)), Arc(0.8, (Mode.LOWER,))]
-    phases = solve_phases(Task.of(problem, ad.MinimumTimeOptions(compile=False)), arcs, guess, 24)
-    motion = replay_torques(problem.robot, phases.torques)
-    assert adjoint_error(problem.robot, motion, phases) < NEAR
-    held = {"state_multiplier": 0 * phases.state_multiplier, "knot_multiplier": 0 * phases.knot_multiplier}
-    assert adjoint_error(problem.robot, motion, replace(phases, **held)) > 0.1
-
-
-def test_a_pull_where_no_arc_names_a_limit_does_not_count():
-    solution = solved("rr")
-    loose = {
-        "state_multiplier": solution.phases.state_multiplier + 1.0,
-        "knot_multiplier": solution.phases.knot_multiplier + 1.0,
-    }
-    assert error(solution, **loose) == error(solution)
 
 
 def test_a_replay_that_broke_off_says_nothing():
