@@ -29,7 +29,7 @@ _WAYS = {
     "armature": "the rotors' inertia, `armature`",
 }
 """Remedies by the options that they name."""
-_LITTLE = 0.1
+_LITTLE = 100 * GAP_TOLERANCE
 """Gap above which the bound is weak because torque limits, not velocity limits, decide the duration."""
 
 

@@ -190,22 +190,14 @@ def _message(task: Task, status: Status, optimum: Optimum, found: SearchResult) 
     if status is Status.INFEASIBLE:
         return f"{found.failed[0].message}; without obstacles the fastest motion found takes {duration:.6g} s"
     if not any(_rank(optimum)) and status is not Status.INTERRUPTED:
-        holding_deficit = task.problem.holding_deficit
-        stays = (
-            "" if holding_deficit is None else f"; not usable: the arm cannot stay at the goal: {holding_deficit.words}"
-        )
+        weak = task.problem.holding_deficit
+        stays = "" if weak is None else f"; not usable: the arm cannot stay at the goal: {weak.words}"
         ended = "" if status is Status.SOLVED else f"{ended_by_time(task.options.time_limit)}; "
         return ended + found_words(certificate, duration) + stays
     if status is Status.REPLAY_MISSED:
-        unit, speed = (joint_unit(certificate.slides, *units) for units in (("rad", "m"), ("rad/s", "m/s")))
-        tolerance = f"(tolerance {task.problem.landing:g} {unit})"
-        if certificate.replay == "segments" or not certificate.repeats:
-            return f"{replay_words(certificate)} {tolerance}"
-        return (
-            f"the torques that collocation found end {certificate.goal_error:.2g} {unit} from the goal and "
-            f"{certificate.goal_velocity_error:.2g} {speed} from its velocity when replayed {tolerance}; "
-            f"open-loop growth {certificate.growth:.2g}"
-        )
+        unit, speed = joint_unit(certificate.slides), joint_unit(certificate.slides, "rad/s", "m/s")
+        velocity = f"{certificate.goal_velocity_error:.2g} {speed} from its velocity"
+        return f"{replay_words(certificate)}, {velocity} (tolerance {task.problem.landing:g} {unit})"
     said = ended_by_time(task.options.time_limit) if status is Status.TIME_LIMIT else status.replace("_", " ")
     if _moves(optimum):
         said += f"; best so far {duration:.6g} s"

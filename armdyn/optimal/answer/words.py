@@ -12,7 +12,7 @@ from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.problem.checks import ROUNDING
 from armdyn.optimal.problem.poses import endless
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.verify.certificate import Certificate
+from armdyn.optimal.verify.certificate import ON_CURVE, Certificate
 from armdyn.reprs import gap_words, joint_unit, joints_of, more_payload, percent, saving_words, short_time
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def _extremal(solution: Solution) -> tuple[bool | None, str]:
     if certificate.saving is not None:
         return certificate.extremal, f"to first order a change saves at most {percent(certificate.saving)} of the time"
     if solution.phases is None:
-        return None, "Pontryagin's conditions are not checked: the switching times are not resolved"
+        return None, ON_CURVE
     adjoint = certificate.adjoint_error
     return certificate.extremal, (
         f"|H| ≤ {certificate.hamiltonian_spread:.1e}, wrong signs ≤ {certificate.switching_violation:.1e}, "

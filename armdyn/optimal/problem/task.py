@@ -10,7 +10,7 @@ from armdyn.codegen.deadline import NoTimeError, until
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.optimal.problem.options import MinimumTimeOptions, SolverSettings
-from armdyn.optimal.problem.policy.policy import Policy, named_methods
+from armdyn.optimal.problem.policy.policy import Policy, check_method
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status, Stop
 from armdyn.optimal.problem.tableau import Scheme
@@ -78,7 +78,8 @@ class Task:
         """
         options, policy = options or MinimumTimeOptions(), Policy.of(problem)
         if options.method is not None:
-            policy = policy.changed("strategy", methods=named_methods(problem, options.method), fallback=())
+            check_method(problem, options.method)
+            policy = policy.by(options.method)
         for k, guess in enumerate(options.guesses):
             if guess.q.shape[1] != problem.robot.nv:
                 name, joints = problem.robot.name, problem.robot.nv

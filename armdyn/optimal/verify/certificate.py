@@ -37,8 +37,8 @@ collocation's multipliers on these meshes; planar arms leave 2e-5 at most of the
 SEGMENT_TOLERANCE = GOAL_TOLERANCE / 10
 """Largest error of the state at the end of a segment [rad or m, and per second], integrated from the motion's sample
 before: ten times the error of integrators of tolerance 1e-10 at 50 rad/s."""
-LIMIT_TOLERANCE = 1e-6
-"""Largest excess over a limit, as a part of it."""
+LIMIT_TOLERANCE = GOAL_TOLERANCE
+"""Largest excess over a limit, as a part of it; of a position's, whose scale is 1 rad or m at least, as at the goal."""
 GAP_TOLERANCE = 1e-3
 """Largest proven gap, as a part of the duration: less than the effect of a few grams of payload. Likewise the largest
 transversality error: the saving by moving the goal by the whole way at the rate of the end, along the joint positions

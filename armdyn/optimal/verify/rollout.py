@@ -138,7 +138,7 @@ _AGREES = LEAST_WAY / 1000
 """Defect [rad or m, and per second], relative to 1 and the state, below which one step suffices: it includes the step's
 own error, and is at most a thousandth of the goal's tolerance. Likewise of the stage velocities once Newton steps no
 longer halve: rounding with light links; beyond it Newton has not converged."""
-_STAGES_TOLERANCE = 1e-14
+_STAGES_TOLERANCE = RTOL / 1000
 """Largest error of the stage velocities, relative to 1 and the velocity, over the last two Newton steps: rounding."""
 _MOST_NEWTON = 12
 """Largest number of Newton steps: smooth motions take two or three; Coulomb friction in a segment takes more."""

@@ -196,11 +196,11 @@ def _strategy(problem: MinimumTimeProblem, motors: bool, speed_limited: bool) ->
     )
 
 
-def named_methods(problem: MinimumTimeProblem, name: MethodName) -> tuple[MethodName, ...]:
-    """Refinement methods by the name of `MinimumTimeOptions.method`.
+def check_method(problem: MinimumTimeProblem, name: MethodName) -> None:
+    """Refuse a method that cannot solve the problem, see `MinimumTimeOptions.method`.
 
     Raises:
-        ProblemError: the method cannot solve the problem.
+        ProblemError: the method cannot solve the problem; the message says why.
     """
     motors = dict(zip(problem.robot.joint_names, ~problem.limits.passive, strict=True))
     idle = next((joint for joint, motor in motors.items() if not motor), None)
@@ -220,7 +220,6 @@ def named_methods(problem: MinimumTimeProblem, name: MethodName) -> tuple[Method
     }
     if found := [why for why, holds in faults[name].items() if holds]:
         raise ProblemError(f"`method` {name} cannot solve this: {found[0]}; without `method` another is chosen")
-    return (name,)
 
 
 def _has_profiles(problem: MinimumTimeProblem) -> bool:
