@@ -99,7 +99,7 @@ def test_feedback_leads_back_to_the_motion():
 
 
 def implicit(robot):
-    return Collocation(robot, (GAUSS_3.A, GAUSS_3.b, GAUSS_3.c), 1e-14, 1e-9, 12)
+    return Collocation(robot, GAUSS_3, 1e-14, 1e-9, 12)
 
 
 @pytest.mark.parametrize("name", ["rr", "kinova"])
@@ -149,7 +149,7 @@ def test_two_threads_make_the_steps_of_one(monkeypatch):
     found = []
     for second in (False, True):
         monkeypatch.setattr(motion, "may_thread", lambda second=second: second)
-        steps = Collocation(robot, (GAUSS_3.A, GAUSS_3.b, GAUSS_3.c), 1e-14, 1e-9, 12)
+        steps = Collocation(robot, GAUSS_3, 1e-14, 1e-9, 12)
         found.append(steps(np.diff(wanted.t), x, tau, 2))
     for one, both in zip(*found, strict=True):
         np.testing.assert_array_equal(one, both)

@@ -19,7 +19,6 @@ from armdyn.optimal.constraints.constraint import ConstraintReport, PartialLimit
 from armdyn.optimal.constraints.rows import RowValues, StageRows, Stages
 from armdyn.optimal.problem.checks import SLOWEST
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.problem.tableau import differentiation, lagrange
 from armdyn.trajectory import Trajectory
 
 _DERIVATIVES = {2: ("acceleration", "²"), 3: ("jerk", "³")}
@@ -27,8 +26,11 @@ _POINTS = (1 - np.cos(np.pi * np.arange(5) / 4)) / 2
 """Chebyshev points of a sample, including its ends."""
 _PLACES = np.linspace(0, 1, 17)
 """Points of a sample at which the polynomial is evaluated: 16 per sample, a sample being 1e-3 of the motion."""
-_VALUES = lagrange(_POINTS, _PLACES)
-_SLOPES = _VALUES @ differentiation(_POINTS)
+_POWERS = np.arange(_POINTS.size)
+_VALUES = _PLACES[:, None] ** _POWERS @ np.linalg.inv(_POINTS[:, None] ** _POWERS)
+"""Values at the places of the polynomial through values at the points, shape (places, points)."""
+_SLOPES = _POWERS[1:] * _PLACES[:, None] ** _POWERS[:-1] @ np.linalg.inv(_POINTS[:, None] ** _POWERS)[1:]
+"""Likewise its derivatives."""
 
 
 def times_within(motion: Trajectory) -> Array:

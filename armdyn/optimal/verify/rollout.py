@@ -260,7 +260,7 @@ def ticked(robot: Robot, motion: Trajectory, longest: float) -> Trajectory:
 
 def gauss_steps(robot: Robot) -> Collocation:
     """Gauss collocation of order six for a robot."""
-    return Collocation(robot, (GAUSS_3.A, GAUSS_3.b, GAUSS_3.c), _STAGES_TOLERANCE, _AGREES, _MOST_NEWTON)
+    return Collocation(robot, GAUSS_3, _STAGES_TOLERANCE, _AGREES, _MOST_NEWTON)
 
 
 def under_feedback(

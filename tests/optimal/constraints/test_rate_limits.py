@@ -6,6 +6,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError
+from armdyn.optimal.constraints import rate_limits
 from armdyn.optimal.mesh.direct import solve_on_mesh
 from armdyn.optimal.mesh.starts import spline
 from armdyn.optimal.problem.task import Task
@@ -115,3 +116,12 @@ def test_a_start_that_is_too_fast_is_named():
         ad.MinimumTimeProblem(
             paper_arm("rr"), q_start=START, q_goal=GOAL, v_start=[1.0, 0.0], path_constraints=[ad.FrameSpeedLimit(0.25)]
         )
+
+
+@pytest.mark.parametrize("degree", range(5))
+def test_polynomials_through_the_points_of_a_sample_are_exact(degree):
+    polynomial = np.polynomial.Polynomial(np.eye(5)[degree])
+    values, places = polynomial(rate_limits._POINTS), rate_limits._PLACES
+    # The inverse of the powers of five points in the unit interval loses three digits.
+    np.testing.assert_allclose(rate_limits._VALUES @ values, polynomial(places), atol=1e-13)
+    np.testing.assert_allclose(rate_limits._SLOPES @ values, polynomial.deriv()(places), atol=1e-12)

@@ -1,8 +1,6 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.sparse.linalg import spsolve
 from scipy.special import roots_legendre
@@ -10,13 +8,11 @@ from scipy.special import roots_legendre
 from armdyn.dynamics import Dynamics
 from armdyn.optimal.mesh.assembly import build_nlp
 from armdyn.optimal.mesh.unknowns import Scales, to_unknowns
-from armdyn.optimal.problem.tableau import GAUSS_3, LOBATTO_3, Scheme, differentiation, lagrange
+from armdyn.optimal.problem.tableau import GAUSS_3, LOBATTO_3, Scheme
 from armdyn.trajectory import Trajectory
 from problems import paper_arm
 
 EVERY = pytest.mark.parametrize(("tableau", "order"), [(LOBATTO_3, 4), (GAUSS_3, 6)], ids=["lobatto", "gauss"])
-NODES = [np.append(0.0, GAUSS_3.c), LOBATTO_3.c, GAUSS_3.c]
-S = st.lists(st.floats(0, 1), min_size=1, max_size=5).map(np.array)
 
 
 @EVERY
@@ -103,28 +99,3 @@ def test_stages_that_are_knots():
     # Lobatto begins and ends at a knot: the program's equations rely on it.
     np.testing.assert_array_equal(LOBATTO_3.c, [0.0, 0.5, 1.0])
     assert not np.any(LOBATTO_3.A[0]) and np.array_equal(LOBATTO_3.A[-1], LOBATTO_3.b)
-
-
-@pytest.mark.parametrize("nodes", NODES, ids=lambda nodes: str(nodes.size))
-@given(s=S)
-def test_they_add_up_to_one(nodes, s):
-    # Lebesgue's constant of these nodes is below ten.
-    np.testing.assert_allclose(lagrange(nodes, s).sum(axis=1), 1.0, rtol=1e-13)
-
-
-@pytest.mark.parametrize("nodes", NODES, ids=lambda nodes: str(nodes.size))
-def test_each_is_one_at_its_own_node_alone(nodes):
-    np.testing.assert_array_equal(lagrange(nodes, nodes), np.eye(nodes.size))
-
-
-@pytest.mark.parametrize("nodes", NODES, ids=lambda nodes: str(nodes.size))
-@given(s=S, data=st.data())
-def test_polynomials_and_their_second_derivatives_are_exact(nodes, s, data):
-    coefficients = data.draw(st.lists(st.floats(-1, 1), min_size=nodes.size, max_size=nodes.size))
-    polynomial = np.polynomial.Polynomial(coefficients)
-    np.testing.assert_allclose(lagrange(nodes, s) @ polynomial(nodes), polynomial(s), atol=1e-12)
-    # Second differences of these nodes are below a few hundred, and an inverse loses as much again.
-    slopes = differentiation(nodes)
-    np.testing.assert_allclose(
-        lagrange(nodes, s) @ slopes @ slopes @ polynomial(nodes), polynomial.deriv(2)(s), atol=1e-9
-    )
