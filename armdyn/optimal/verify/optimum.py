@@ -262,18 +262,10 @@ def _at_pace(task: Task, optimum: Optimum, path: Trajectory, factor: float) -> O
     """Slow an optimum down along its path by a factor, and replay it."""
     problem = task.problem
     slowed = replace(paced(path, factor), tau=paced_torques(problem.robot, path, path.tau, factor))
-    motion = replace(follow(task, slowed), name=optimum.trajectory.name)
+    motion = follow(task, slowed)
     passing = factor * np.array(optimum.via_times)
     remark = optimum.certificate.remark or f"slowed down by {percent(factor - 1)} to keep its limits: no extremal"
-    certificate = replace(certify(problem, motion, None, remark), idle=optimum.certificate.idle)
-    return replace(
-        optimum,
-        trajectory=motion,
-        certificate=certificate,
-        cost=trajectory_cost(motion, problem.effort_weights()),
-        phases=None,
-        costates=None,
-        arcs=(),
-        reports=TightenedConstraints.of(task).check(problem, motion, passing),
-        via_times=tuple(passing.tolist()),
-    )
+    reports = TightenedConstraints.of(task).check(problem, motion, passing)
+    idle, times = optimum.certificate.idle, tuple(passing.tolist())
+    made = Optimum.of(problem, motion, optimum.intervals, None, remark, idle, reports=reports, via_times=times)
+    return replace(made, iterations=optimum.iterations, decides=optimum.decides, calm=optimum.calm)
