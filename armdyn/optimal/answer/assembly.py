@@ -275,7 +275,7 @@ def _slid_end(
         numbers: settings of the descent.
         solve: maps a solution and a new goal, shape (nv,), to the solution there; None: the time is up.
     """
-    step = numbers.end_first
+    step = numbers.distinct
     for _ in range(numbers.end_solves):
         q = best.problem.x_goal[: best.problem.robot.nv]
         missed = transversality(best.problem, goal, q, best.costates)
@@ -284,12 +284,12 @@ def _slid_end(
             or missed is None
             or missed == np.inf
             or missed <= GAP_TOLERANCE / 10
-            or step < numbers.end_least
+            or step < numbers.least_step
         ):
             break
         gradient = end_gradient(best.problem.robot, goal, q, best.costates)
         steepest = float(np.linalg.norm(gradient))
-        by = -min(step, numbers.end_largest) / steepest * gradient
+        by = -min(step, numbers.largest_step) / steepest * gradient
         moved = slid(best.problem.robot, goal, q, by, best.problem.limits)
         other = None if moved is None else solve(best, moved)
         if moved is None or other is None:

@@ -13,7 +13,14 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.arc import Arc
-from armdyn.optimal.verify.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE, Certificate, certify, repeated
+from armdyn.optimal.verify.certificate import (
+    GOAL_TOLERANCE,
+    LIMIT_TOLERANCE,
+    SEGMENT_TOLERANCE,
+    Certificate,
+    certify,
+    repeated,
+)
 from armdyn.optimal.verify.costates import Costates, Phases, adjoint_error
 from armdyn.optimal.verify.rollout import dense, replay_of
 from armdyn.optimal.verify.sensitivity import Share
@@ -242,7 +249,8 @@ def slowed(task: Task, optimum: Optimum) -> Optimum:
         whole *= factor
         found = _at_pace(task, optimum, path, whole)
         factor = least_slowing(task, found)
-        lost = found.certificate.goal_error > max(GOAL_TOLERANCE, optimum.certificate.goal_error + numbers.path_error)
+        away = optimum.certificate.goal_error + SEGMENT_TOLERANCE  # from the path's end
+        lost = found.certificate.goal_error > max(GOAL_TOLERANCE, away)
         if factor == 1 and not lost:
             return found
         if lost or not np.isfinite(factor) or task.stop:

@@ -20,7 +20,6 @@ class RefinementPolicy:
     )
     slower: float = tuned(1.02, "of a certified duration", "largest such excess", "RRR, ten payloads")
     slowing: int = tuned(6, "rounds", "of slowing a motion down to all limits; most take one or two", LARGE)
-    path_error: float = tuned(1e-7, "rad or m", "distance from the path's end: a tenth of the goal's tolerance", LARGE)
     slow_samples: int = tuned(1000, "samples", "of a motion that is slowed down or checked", "RR")
 
 

@@ -196,16 +196,28 @@ class GoalPolicy:
     tried: float = tuned(1 / 3, "of the time limit", "for coarse solves of all goals, at most", UNRECORDED)
     slid: int = tuned(4, "goals", "kept of those optimised by velocity limits", "UR5, Panda: positions")
     slides: int = tuned(25, "linear programs", "for each goal, at most", "UR5, Panda: positions")
-    largest_step: float = tuned(0.5, "rad or m", "step of any joint, at first and at most", "UR5, Panda: positions")
-    least_step: float = tuned(1e-3, "rad or m", "last step: far below the resolution of coarse solves", "UR5, Panda")
+    largest_step: float = tuned(
+        0.5,
+        "rad or m",
+        "step of any joint, at first and at most; at most of an end that descends",
+        "UR5, Panda: positions",
+    )
+    least_step: float = tuned(
+        1e-3,
+        "rad or m",
+        "last step: far below the resolution of coarse solves; of an end that descends it saves about its square",
+        "UR5, Panda",
+    )
     others: float = tuned(
         1e-3, "-", "weight of all joints' times against the slowest's: the other joints stay near", "UR5, Panda"
     )
-    distinct: float = tuned(0.05, "rad or m", "goals of which no joint differs by more are one", "UR5, Panda")
+    distinct: float = tuned(
+        0.05,
+        "rad or m",
+        "goals of which no joint differs by more are one; first step of an end that descends",
+        "UR5, Panda",
+    )
     end_solves: int = tuned(8, "solves", "of an end that descends along its pose: RRR needs two to six")
-    end_first: float = tuned(0.02, "rad or m", "first step of such an end")
-    end_largest: float = tuned(0.3, "rad or m", "largest step: the switching structure must stay the same")
-    end_least: float = tuned(1e-5, "rad or m", "step below which no solve is worth it: it saves about its square")
     bound: float = tuned(0.1, "of the time limit", "for the bound of all goals, at least", UNRECORDED)
 
 
