@@ -10,7 +10,7 @@ from armdyn.codegen.deadline import NoTimeError, until
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.optimal.problem.options import MinimumTimeOptions, SolverSettings
-from armdyn.optimal.problem.policy.policy import Policy, check_method
+from armdyn.optimal.problem.policy.policy import Policy, policy_for
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status, Stop
 from armdyn.optimal.problem.tableau import Scheme
@@ -63,6 +63,7 @@ class Task:
         options: MinimumTimeOptions | None = None,
         stop: Stop | None = None,
         progress: Callable[[str], None] | None = None,
+        policy: Policy | None = None,
     ) -> Self:
         """Make a task from a problem and a user's options.
 
@@ -71,38 +72,26 @@ class Task:
             options: by default `MinimumTimeOptions()`.
             stop: stopping condition; by default none.
             progress: called with progress messages; by default they are ignored.
+            policy: choices for this problem; None: by its class and the method that the options name.
 
         Raises:
             ProblemError: a guess in the options has a different number of joints, or the method cannot solve the
                 problem.
         """
-        options, policy = options or MinimumTimeOptions(), Policy.of(problem)
-        if options.method is not None:
-            check_method(problem, options.method)
-            policy = policy.by(options.method)
+        options = options or MinimumTimeOptions()
         for k, guess in enumerate(options.guesses):
             if guess.q.shape[1] != problem.robot.nv:
                 name, joints = problem.robot.name, problem.robot.nv
                 raise ProblemError(f"options.guesses[{k}] moves {joints_of(guess.q.shape[1])}, {name} has {joints}")
-        dynamics = Dynamics(problem.robot, free_last_body=True)
-        return cls(
-            problem,
-            dynamics,
-            policy.scheme(options),
-            options,
-            policy,
-            policy.search.fine_mesh,
-            Stop() if stop is None else stop,
-            progress or _ignore,
-        )
+        policy = policy or policy_for(problem, options.method)
+        stop = Stop() if stop is None else stop  # a stop is false until it stops
+        dynamics, mesh = Dynamics(problem.robot, free_last_body=True), policy.search.fine_mesh
+        return cls(problem, dynamics, policy.scheme(options), options, policy, mesh, stop, progress or _ignore)
 
     def for_problem(self, problem: MinimumTimeProblem) -> Self:
         """The task for another problem, with the same overrides of the policy."""
-        policy = self.policy.for_problem(problem)
-        dynamics = Dynamics(problem.robot, free_last_body=True)
-        scheme = policy.scheme(self.options)
-        intervals = policy.search.fine_mesh
-        return replace(self, problem=problem, dynamics=dynamics, scheme=scheme, policy=policy, intervals=intervals)
+        own = self.of(problem, self.options, self.stop, self.progress, self.policy.for_problem(problem))
+        return replace(own, lower_bound=self.lower_bound, pool=self.pool)
 
     def with_options(self, **changes: Any) -> Self:
         """The task with some options changed."""

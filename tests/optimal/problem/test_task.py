@@ -1,10 +1,12 @@
 """Options of a task that have no effect on its problem are said."""
 
 import warnings
+from dataclasses import replace
 
 import pytest
 
 import armdyn as ad
+from armdyn.optimal.problem.status import Stop
 from armdyn.optimal.problem.task import Task
 from problems import paper_problem
 
@@ -31,3 +33,15 @@ def test_an_option_without_effect_is_said_once(arm, more, options, words):
         Task.of(problem, ad.MinimumTimeOptions(**options)).warn_of_options()
     said = [str(one.message) for one in caught]
     assert len(said) == len(words) and all(word in line for word, line in zip(words, said, strict=True))
+
+
+def test_a_task_for_another_problem_keeps_all_but_what_follows_from_the_problem():
+    problem, said, stop = paper_problem("rr"), [], Stop()
+    task = Task.of(problem, ad.MinimumTimeOptions(method="mesh", workers=1), stop, said.append)
+    task = replace(task, policy=task.policy.changed("search", starts=3), lower_bound=lambda: 0.1, intervals=80)
+    other = task.for_problem(problem.variant(q_goal=[0.2, 0.1], jerk_limit=1e4))
+    assert other.stop is stop and other.options is task.options and other.lower_bound() == 0.1
+    other.progress("heard")
+    assert said == ["heard"]
+    assert other.policy.search.starts == 3 and other.policy.strategy.methods == ("mesh",)
+    assert other.scheme.control == "linear" and other.intervals == 40

@@ -196,12 +196,14 @@ def _strategy(problem: MinimumTimeProblem, motors: bool, speed_limited: bool) ->
     )
 
 
-def check_method(problem: MinimumTimeProblem, name: MethodName) -> None:
-    """Refuse a method that cannot solve the problem, see `MinimumTimeOptions.method`.
+def policy_for(problem: MinimumTimeProblem, method: MethodName | None) -> Policy:
+    """The policy for a problem, with the method that the user names alone.
 
     Raises:
         ProblemError: the method cannot solve the problem; the message says why.
     """
+    if method is None:
+        return Policy.of(problem)
     motors = dict(zip(problem.robot.joint_names, ~problem.limits.passive, strict=True))
     idle = next((joint for joint, motor in motors.items() if not motor), None)
     inverse = f"joint {idle!r} has no motor, and torques by inverse dynamics need one at every joint"
@@ -218,8 +220,9 @@ def check_method(problem: MinimumTimeProblem, name: MethodName) -> None:
             "via points, regions or a weight on effort": not _has_profiles(problem),
         },
     }
-    if found := [why for why, holds in faults[name].items() if holds]:
-        raise ProblemError(f"`method` {name} cannot solve this: {found[0]}; without `method` another is chosen")
+    if found := [why for why, holds in faults[method].items() if holds]:
+        raise ProblemError(f"`method` {method} cannot solve this: {found[0]}; without `method` another is chosen")
+    return Policy.of(problem).by(method)
 
 
 def _has_profiles(problem: MinimumTimeProblem) -> bool:

@@ -8,7 +8,7 @@ import pytest
 import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.optimal.problem.policy import Policy
-from armdyn.optimal.problem.policy.policy import check_method
+from armdyn.optimal.problem.policy.policy import policy_for
 from armdyn.optimal.problem.policy.tuned import rows
 from armdyn.optimal.problem.tableau import Scheme
 from armdyn.optimal.problem.task import Task
@@ -148,7 +148,7 @@ def test_effort_scales_all_guesses(effort, guesses, optima):
 @pytest.mark.filterwarnings("ignore::armdyn.ArmdynWarning")
 def test_a_method_that_cannot_solve_the_problem_is_refused(method, more, why):
     with pytest.raises(ProblemError, match=why):
-        check_method(paper_problem("rr").variant(**more), method)
+        policy_for(paper_problem("rr").variant(**more), method)
 
 
 @pytest.mark.parametrize(
