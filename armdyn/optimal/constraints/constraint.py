@@ -257,10 +257,6 @@ class PathConstraint(PathConstraintSpec, ABC):
         """The constraint, tightened where a motion violated it between the points; itself where it is tight enough."""
         return self
 
-    def on_finer_mesh(self) -> Self:
-        """The constraint for a mesh twice as fine, on which it may be less tight."""
-        return self
-
     def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
         """Shortest duration [s] of an initial guess along a path; 0: no constraint."""
         return 0.0
@@ -283,7 +279,3 @@ class PartialLimit(PathConstraint):
         fitting = float(np.clip(part, self.policy.least_part, 1))
         changed = fitting != self.part and (report.reasons or fitting > self.part)
         return replace(self, part=fitting) if changed else self
-
-    def on_finer_mesh(self) -> Self:
-        """Restore the whole limit: on a mesh twice as fine the excess between the points is much smaller."""
-        return replace(self, part=1.0)

@@ -174,10 +174,6 @@ class TightenedConstraints:
         """Correct via points and goal by the replay's misses."""
         return replace(self, aim=self.aim.corrected(problem, replay, passing))
 
-    def on_finer_mesh(self) -> Self:
-        """Path constraints and correction for a mesh twice as fine, with smaller misses."""
-        return replace(self, path_constraints=tuple(each.on_finer_mesh() for each in self.path_constraints), aim=Aim())
-
 
 def _values_of(constraint: PathConstraint, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
     """Parameters and bounds of a constraint's rows, checked against the rows.

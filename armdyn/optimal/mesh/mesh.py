@@ -1,23 +1,21 @@
 """The method `mesh`: the optima of a search on finer meshes, certified, with exact switching times where possible."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from armdyn.optimal.mesh.candidates import SearchResult, find
-from armdyn.optimal.mesh.condensed import solve_quickly
-from armdyn.optimal.mesh.constrained import constrained
+from armdyn.optimal.mesh.constrained import keeping_constraints, near_guesses
 from armdyn.optimal.mesh.detection import arcs_of
 from armdyn.optimal.mesh.direct import Attempt
 from armdyn.optimal.mesh.motion_mesh import ResolvedMotions, mesh_optimum
 from armdyn.optimal.mesh.shooting import replay_on_goal
-from armdyn.optimal.mesh.unknowns import doubled
 from armdyn.optimal.polish.polish import polished
 from armdyn.optimal.polish.structure import Structure
 from armdyn.optimal.problem.task import Task
-from armdyn.optimal.verify.certificate import GOAL_TOLERANCE, certify
+from armdyn.optimal.verify.certificate import GOAL_TOLERANCE
 from armdyn.optimal.verify.optimum import Optimum, as_replayed, least_slowing, with_adjoint_check
 from armdyn.optimal.verify.rollout import replay_of
 from armdyn.parallel import in_processes
@@ -26,98 +24,58 @@ from armdyn.trajectory import Trajectory
 _GIVEN_UP = "refinement was given up: its budget of mesh iterations is spent"
 
 
-def mesh(
-    task: Task, rough: Callable[[Task], Sequence[Trajectory]] = lambda task: ()
-) -> tuple[list[Optimum], SearchResult]:
+def mesh(task: Task, rough: Callable[[Task], Sequence[Trajectory]]) -> tuple[list[Optimum], SearchResult]:
     """Optima by cost on meshes, and the search's statistics.
 
     Args:
         task: the problem and its settings.
         rough: maps a task with path constraints to guesses that replace the search, if a mesh has a solution near one.
     """
-    if task.problem.path_constraint_names:
-        return constrained(task, rough(task))
-    found = find(task)
+    found = (near_guesses(task, rough(task)) if task.problem.path_constraint_names else None) or find(task)
     if not found.attempts:
         return [], found
-    optima, given_up = refined(replace(task, intervals=found.mesh), found)
+    optima, given_up = _best_first(replace(task, intervals=found.mesh), found.attempts)
     left = [attempt.trajectory.duration for attempt in found.attempts[len(optima) :]]
     return optima, replace(found, slower=tuple(left), remark=_GIVEN_UP if given_up else found.remark)
 
 
-def refined(task: Task, found: SearchResult) -> tuple[list[Optimum], bool]:
-    """Refine optima on the first mesh, best first, until the others are slower.
-
-    Args:
-        task: task with the first mesh as `intervals`.
-        found: the optima, best first.
-
-    Returns:
-        The optima that are worth it, in order, and whether the budget is spent.
-    """
-    attempts, numbers = found.attempts, task.policy.refinement
+def _best_first(task: Task, attempts: Sequence[Attempt]) -> tuple[list[Optimum], bool]:
+    """The optima near solutions, best first, until the others cost more; and whether the budget is spent."""
+    numbers, limited = task.policy.refinement, bool(task.problem.path_constraint_names)
     # In sequence they share resolved motions: most of the work with active velocity limits.
     alone = bool(np.any(np.isfinite(task.problem.limits.velocity)))
     shared = ResolvedMotions(task.policy.motion_mesh) if alone else None
     optima, cutoff = list[Optimum](), np.inf
-    task.progress(f"refining optimum 1 of {len(attempts)}, about {attempts[0].trajectory.duration:.4f} s")
-    jobs = [partial(_refined, task, one, shared or ResolvedMotions(task.policy.motion_mesh)) for one in attempts]
+    task.progress(f"optimum 1 of {len(attempts)}, about {attempts[0].trajectory.duration:.4f} s")
+    jobs = [
+        partial(keeping_constraints, task, one)
+        if limited
+        else partial(_optimum, task, one, shared or ResolvedMotions(task.policy.motion_mesh))
+        for one in attempts
+    ]
     for k, optimum in enumerate(in_processes(jobs, 1 if alone else task.workers, first_here=True)):
         optima.append(optimum)
         if optimum.usable:
             if shared:
                 shared.best = min(shared.best, optimum.cost)
             coarse, cost = attempts[k].cost, optimum.cost
-            sure = coarse + numbers.error_factor * abs(coarse - cost) if optimum.certificate.ok else np.inf
+            known = limited or optimum.certificate.ok
+            sure = coarse + numbers.error_factor * abs(coarse - cost) if known else np.inf
             cutoff = min(cutoff, sure, numbers.slower * cost)
         left = attempts[k + 1 :]
-        slower = numbers.lists_slower and left and left[0].cost > cutoff
-        if left and (task.stop or slower or (shared and shared.spent)):
+        if left and (task.stop or left[0].cost > cutoff or (shared and shared.spent)):
             break
         if left:
-            task.progress(f"refining optimum {k + 2}, about {left[0].trajectory.duration:.4f} s")
+            task.progress(f"optimum {k + 2}, about {left[0].trajectory.duration:.4f} s")
     return optima, shared is not None and shared.spent
 
 
-def _refined(task: Task, attempt: Attempt, resolved: ResolvedMotions) -> Optimum:
-    """The best motion near a solution, from its mesh or from finer ones where that has no usable motion."""
-    best, last, iterations = None, attempt, 0
-    for size in _sizes(task):
-        if last.intervals != size:
-            last = solve_quickly(task, attempt.trajectory, size, task.fine())
-            iterations += last.iterations
-        if last.usable:
-            attempt, one = last, _near(task, last, resolved)
-            best = one if best is None else min(best, one, key=partial(_quality, task))
-            if best.certificate.ok or best.usable or resolved.spent:
-                break
-        if task.stop or (best is None and size > task.intervals):
-            break
-    if best is not None:
-        return replace(best, iterations=iterations)
-    motion = attempt.trajectory
-    remark = f"did not converge on {last.intervals} intervals ({last.message})"
-    certificate = certify(task.problem, replay_of(task, motion), None, remark)
-    return Optimum(
-        motion,
-        certificate,
-        motion.duration,
-        last.intervals,
-        iterations=iterations,
-        worst_violation=last.worst_violation,
-    )
-
-
-def _sizes(task: Task) -> Iterator[int]:
-    """Numbers of intervals of successively finer meshes."""
-    size: int | None = task.intervals
-    while size:
-        yield size
-        size = doubled(size, task.options.max_intervals)
-
-
-def _near(task: Task, attempt: Attempt, resolved: ResolvedMotions) -> Optimum:
+def _optimum(task: Task, attempt: Attempt, resolved: ResolvedMotions) -> Optimum:
     """Best motion near a mesh's solution: its bang arcs, else the resolved mesh's motion or its bang arcs."""
+    if not attempt.usable:
+        last, why = attempt.trajectory, f"did not converge on {attempt.intervals} intervals ({attempt.message})"
+        failed = Optimum.of(task.problem, replay_of(task, last), attempt.intervals, None, why)
+        return replace(failed, trajectory=last, worst_violation=attempt.worst_violation)
     asked = task.problem.limits.actuators.constant
     if not asked or task.stop:
         why = "torques are linear between knots" if not asked else f"{task.stop.word} before the arcs were read"
@@ -151,7 +109,3 @@ def _rank(task: Task, optimum: Optimum) -> tuple[bool, float]:
     factor = least_slowing(task, optimum)
     good = optimum.certificate.goal_error <= GOAL_TOLERANCE and factor <= task.policy.refinement.slower
     return not good, factor * optimum.trajectory.duration if good else optimum.error
-
-
-def _quality(task: Task, optimum: Optimum) -> tuple[bool, bool, float]:
-    return not optimum.certificate.ok, *_rank(task, optimum)

@@ -46,7 +46,12 @@ class ResolvedMotions:
     @property
     def spent(self) -> bool:
         """Whether the budget is spent, but for divided meshes."""
-        return self.left < self._numbers.reserve
+        return self.left < self.reserve
+
+    @property
+    def reserve(self) -> float:
+        """Part of the budget that is left for divided meshes."""
+        return self._numbers.work / 4
 
     def beats(self, mesh: Attempt) -> bool:
         """Whether the best usable motion is so much faster than a mesh's motion that the mesh is skipped."""
@@ -85,23 +90,15 @@ class _Meshes:
     def finer(self, attempt: Attempt) -> Iterator[Attempt]:
         """Rough solutions of one optimum on successively finer meshes."""
         numbers, within = self.task.policy.motion_mesh, self._within(MeshMargins())
-        rough = SolverSettings(numbers.tolerance, numbers.first_iterations, numbers.barrier)
-        near = replace(
-            rough,
-            max_iterations=numbers.iterations,
-            barrier=numbers.near_barrier,
-            push=numbers.push,
-            convex=numbers.convex,
-            acceptable=self._acceptable(numbers.rough_decrease),
-        )
+        rough = SolverSettings(numbers.tolerance, numbers.iterations, numbers.barrier)
 
         def solve(guess: Trajectory, knots: Array) -> Attempt:
             begins = knots is first
-            return self._solved(within, guess, knots, rough if begins else near, int(not begins))
+            return self._solved(within, guess, knots, rough if begins else self._settings(rough=True), int(not begins))
 
         def finer(one: Attempt) -> Array:
             knots = finer_knots(within, one, numbers)
-            return knots if self.affordable(knots, numbers.reserve) else one.mesh
+            return knots if self.affordable(knots, self.resolved.reserve) else one.mesh
 
         first = finer(attempt) if self.task.scheme.control == "linear" else mesh(numbers.intervals)
         yield from on_finer_meshes(self.task, attempt, first, numbers, solve, finer)
@@ -110,44 +107,39 @@ class _Meshes:
         """Solve on the mesh of a rough solution; the rough one without convergence or budget."""
         if not self.affordable(rough.mesh) or self.task.stop:
             return rough
-        found = self._once(self._within(MeshMargins()), rough.trajectory, rough.mesh, self._sharp, self.tie)
+        found = self._once(self._within(MeshMargins()), rough.trajectory, rough.mesh, self._settings(), self.tie)
         return found if found.usable else rough
 
     def divided(self, attempt: Attempt, to_divide: Flags, margins: MeshMargins) -> Attempt | None:
         """Solve on a mesh with the flagged intervals, shape (K,), divided; None without convergence or budget."""
         numbers = self.task.policy.motion_mesh
         knots = _in_parts(attempt.mesh, np.where(to_divide, numbers.parts, 1))
-        divide = np.any(to_divide) and knots.size <= numbers.most_further_knots and self.affordable(knots)
+        divide = np.any(to_divide) and knots.size <= numbers.most and self.affordable(knots)
         return self.again(attempt, knots, margins) if divide else None
 
     def again(self, attempt: Attempt, knots: Array, margins: MeshMargins) -> Attempt | None:
         """Solve on other knots, with margins of the limits; None without convergence."""
         if self.task.stop:
             return None
-        found = self._solved(self._within(margins), attempt.trajectory, knots, self._sharp, self.tie)
+        found = self._solved(self._within(margins), attempt.trajectory, knots, self._settings(), self.tie)
         return found if found.usable else None
 
-    def affordable(self, knots: Array, spare: int = 0) -> bool:
+    def affordable(self, knots: Array, spare: float = 0) -> bool:
         """Whether the budget left is more than a mesh needs."""
         return self.resolved.left - spare >= self.task.policy.motion_mesh.fewest * (knots.size - 1)
 
-    @property
-    def _sharp(self) -> SolverSettings:
-        """Settings from a rough solution, or for a start near a sharp one."""
+    def _settings(self, rough: bool = False) -> SolverSettings:
+        """Settings from a near solution: of the last meshes, or of the rough ones before."""
         numbers = self.task.policy.motion_mesh
+        error, decrease = 100 * numbers.tolerance, numbers.decrease * (30 if rough else 1)
         return SolverSettings(
-            numbers.sharp_tolerance,
-            numbers.sharp_iterations,
-            numbers.sharp_barrier,
+            numbers.tolerance if rough else numbers.tolerance / 100,
+            numbers.iterations,
+            numbers.barrier / (100 if rough else 1000),
             push=numbers.push,
             convex=numbers.convex,
-            acceptable=self._acceptable(numbers.least_decrease),
+            acceptable=Acceptable(error, error, decrease, numbers.patience),
         )
-
-    def _acceptable(self, decrease: float) -> Acceptable:
-        """Errors of a motion that is accepted once it becomes faster by less than this part of the duration."""
-        numbers = self.task.policy.motion_mesh
-        return Acceptable(numbers.close, numbers.close, decrease, numbers.patience)
 
     def _solved(self, task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, tie: int) -> Attempt:
         """A solution on a mesh, with a larger tie if long idle joints prevent convergence."""
@@ -159,17 +151,16 @@ class _Meshes:
             found.usable
             or self.task.stop
             or tie + 1 == len(numbers.ties)
-            or not self.affordable(knots, numbers.reserve)
+            or not self.affordable(knots, self.resolved.reserve)
         ):
             return found
         near = found.trajectory if found.status is Status.ITERATION_LIMIT else guess
-        fewer = replace(settings, max_iterations=int(numbers.tied_part * settings.max_iterations))
-        return self._solved(task, near, knots, fewer, tie + 1)
+        return self._solved(task, near, knots, settings, tie + 1)
 
     def _once(self, task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, tie: int) -> Attempt:
         """Result of one solve on a mesh."""
         numbers, size = self.task.policy.motion_mesh, knots.size - 1
-        granted = max(numbers.fewest, int(max(self.resolved.left, numbers.last_solve) // size))
+        granted = max(numbers.fewest, int(max(self.resolved.left, 0) // size))
         most = min(settings.max_iterations, granted)
         weight = 0.0 if task.problem.pays_effort else numbers.ties[tie]
         found = solve_on_knots(task, guess, knots, replace(settings, max_iterations=most), weight)
@@ -177,7 +168,7 @@ class _Meshes:
         return found
 
     def _within(self, margins: MeshMargins) -> Task:
-        fast = self.task.policy.motion_mesh.inside + margins.velocity
+        fast = LIMIT_TOLERANCE / 2 + margins.velocity  # what lies between an interval's middle and its ends
         return replace(margins, velocity=fast).task_within(self.task)
 
 
@@ -221,7 +212,7 @@ def finer_knots(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Arra
     if task.scheme.control == "linear":
         return _bent(task, attempt, numbers)
     more = _divided(task, attempt, numbers)
-    return more if more.size <= numbers.most else _divided(task, attempt, replace(numbers, gap=numbers.coarse_gap))
+    return more if more.size <= numbers.most else _divided(task, attempt, replace(numbers, gap=10 * numbers.gap))
 
 
 def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
@@ -245,7 +236,7 @@ def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     around = numbers.shrink * np.array([-0.5, 0.5])
     for k, joint in zip(*np.nonzero(brief & (lengths > numbers.least)[:, None]), strict=True):
         share = (1 + level[k, joint] * np.sign(level[k - 1, joint])) / 2  # part of the interval before the switch
-        place = np.clip(share, numbers.margin, 1 - numbers.margin) + around
+        place = np.clip(share, numbers.shrink, 1 - numbers.shrink) + around
         more.append(knots[k] + lengths[k] * place)
     found = np.unique(np.concatenate([knots, *more]))
     apart = np.append(np.diff(found) > numbers.least / 20, True)
@@ -263,7 +254,7 @@ def _by_limits(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array
     margin = np.minimum(at.q - limits.position_lower, limits.position_upper - at.q)
     close = np.minimum(margin[:-1], margin[1:]) < near.in_contact
     bow = np.where(fast & steady, excesses[0] / (numbers.velocity_excess * limits.velocity), 0.0)
-    bow = np.maximum(bow, np.where(close, excesses[1] / numbers.position_excess, 0.0))
+    bow = np.maximum(bow, np.where(close, excesses[1] / LIMIT_TOLERANCE, 0.0))
     return np.asarray(np.sqrt(bow.max(axis=1)))
 
 
@@ -277,7 +268,7 @@ def _bent(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     bend = np.abs(level[1:-1] - (1 - after) * level[:-2] - after * level[2:]).max(axis=1)
     parts = np.sqrt(np.maximum(np.pad(bend, (1, 0)), np.pad(bend, (0, 1))) / numbers.bend)
     parts = np.maximum(parts, _by_limits(task, attempt, numbers))
-    return _in_parts(knots, np.where(lengths > numbers.ramp, np.clip(np.ceil(parts), 1, numbers.parts), 1).astype(int))
+    return _in_parts(knots, np.where(lengths > numbers.least, np.clip(np.ceil(parts), 1, numbers.parts), 1).astype(int))
 
 
 def _in_parts(knots: Array, counts: Index) -> Array:
@@ -345,11 +336,8 @@ def _divided_until_certified(meshes: _Meshes, mesh: Attempt) -> Optimum | None:
         found = None if divided is None else _judged(task, divided)
         if divided is None or found is None or found.saving > max(best.saving, OPTIMALITY_TOLERANCE):
             break
-        stalled = found.saving > max(numbers.saving_ratio * best.saving, OPTIMALITY_TOLERANCE)
         mesh, best = divided, found
-        if stalled and best.optimum.within_limits:
-            break
-    if best.optimum.certificate.ok and best.saving > numbers.unsettled:
+    if best.optimum.certificate.ok and best.saving > OPTIMALITY_TOLERANCE / 5:
         best = _settled(meshes, mesh, best)
     return _within_margins(meshes, mesh, best.optimum)
 
@@ -412,7 +400,7 @@ def _intervals_to_divide(task: Task, motion: Shooting, replay: Trajectory, costa
     """Intervals to divide of a nearly certified motion: those with most of the saving, or beyond a limit."""
     numbers, to_divide = task.policy.motion_mesh, np.zeros(len(motion.tau), bool)
     beyond = excesses(task.problem.limits, replay)
-    if costates is None or max(costates.saving, *(one.share for one in beyond)) > numbers.nearly_certified:
+    if costates is None or max(costates.saving, *(one.share for one in beyond)) > 4 * OPTIMALITY_TOLERANCE:
         return to_divide
     if costates.saving > OPTIMALITY_TOLERANCE:
         order = np.argsort(costates.missed)[::-1]

@@ -180,7 +180,7 @@ def test_a_mesh_without_position_limits_stays_without(margin):
 
 
 def test_intervals_are_divided_on_both_sides_of_a_switch():
-    task = task_of(rounds=1, gap=1.0, velocity_excess=1.0, position_excess=1.0)  # of switches alone
+    task = task_of(rounds=1, gap=1.0, velocity_excess=1.0)  # of switches alone
     first, *_ = _Meshes(task, ResolvedMotions(task.policy.motion_mesh)).finer(find(task).attempts[0])
     middles = (first.mesh[:-1] + first.mesh[1:]) / 2
     torques = first.trajectory(first.trajectory.duration * middles).tau / FAST.limits.actuators.scale

@@ -37,19 +37,12 @@ class PathConstraintPolicy:
         5e-3, "of a tolerance", "further tightening where a frame leaves its region", "Panda, UR5"
     )
     least_region: float = tuned(0.5, "of a tolerance", "in a program, at least", "Panda, UR5")
-    far: float = tuned(0.1, "rad or m", "from the goal: the mesh was too coarse for the motion", "RR, Panda")
     settled: float = tuned(2e-4, "of the duration", "gain by a divided mesh that ends its refinement", "RR, RRR")
     rate_tolerance: float = tuned(
         1e-6, "of a limit", "largest excess of acceleration, jerk and frame speed", "by definition"
     )
     rate_tightening: float = tuned(
         1e-5, "of a limit", "further tightening where the limits are tightened by the replay's excess", "UR5"
-    )
-    stuck: float = tuned(
-        0.9,
-        "of the slowing",
-        "required by the round before, or of its miss: where as much is left, the mesh is refined",
-        "RR, jerk",
     )
     least_part: float = tuned(0.9, "of a limit", "in a program, at least: a mesh that needs less is too coarse", "RR")
     slower: float = tuned(

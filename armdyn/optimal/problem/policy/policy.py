@@ -99,7 +99,7 @@ class Policy:
     search: SearchPolicy
     goals: GoalPolicy = field(default_factory=GoalPolicy)
     same: SamePolicy = field(default_factory=SamePolicy)
-    refinement: RefinementPolicy
+    refinement: RefinementPolicy = field(default_factory=RefinementPolicy)
     motion_mesh: MotionMeshPolicy = field(default_factory=MotionMeshPolicy)
     arcs: ArcsPolicy = field(default_factory=ArcsPolicy)
     polish: PolishPolicy = field(default_factory=PolishPolicy)
@@ -147,7 +147,6 @@ class Policy:
                 side_by_side=joints > 2 or (joints > 1 and (has_constraints or problem.pays_effort)),
                 repeats=joints > 1,
             ),
-            refinement=RefinementPolicy(lists_slower=joints > 1),
             curves=CurvePolicy(
                 cruises=speed_limited,
                 patience=300 if has_constraints or np.any(problem.robot.friction.coulomb) else 120,

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from armdyn.optimal.problem.policy.tuned import LARGE, PLANAR, by_kind, tuned
+from armdyn.optimal.problem.policy.tuned import LARGE, PLANAR, tuned
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -12,9 +12,6 @@ class RefinementPolicy:
 
     cases: ClassVar = PLANAR
 
-    lists_slower: bool = by_kind(
-        "-", "beyond one joint an optimum slower than a certified one is only listed", "RR, RRR"
-    )
     error_factor: float = tuned(
         5.0, "-", "times the error of the certified one's mesh, that an optimum may be slower", "RRR, ten payloads"
     )
@@ -30,42 +27,29 @@ class MotionMeshPolicy:
     cases: ClassVar = "random arms (RR, seed 1)"
 
     intervals: int = tuned(160, "intervals", "of the first mesh")
-    most: int = tuned(3000, "knots", "more take a second")
+    most: int = tuned(
+        4000, "knots", "of a mesh: more take a second; those that were certified took 4,200", "random arms (RRR)"
+    )
     rounds: int = tuned(
         4, "meshes", "with seven motions of 26 are no faster, and take twice the time; with three some are 1e-6 slower"
     )
-    first_iterations: int = tuned(300, "iterations", "on the first mesh, at most", "random arms (RRR)")
     iterations: int = tuned(
-        130,
-        "iterations",
-        "on the others, at most: certified motions of 80 problems took 72 at most",
-        "random arms (RRR)",
-    )
-    tied_part: float = tuned(
-        0.5,
-        "of these iterations",
-        "with a larger tie, at most: those that converged took 13 to 46",
-        "random arms (RRR)",
-    )
-    sharp_iterations: int = tuned(
-        120, "iterations", "of the last mesh, at most: certified motions took 80", "random arms (RRR)"
+        150, "iterations", "on a mesh, at most: certified motions of 80 problems took 80", "random arms (RRR)"
     )
     tolerance: float = tuned(
         1e-7,
         "scaled",
-        "of all meshes but the last: with idle joints 1e-9 takes 100 iterations, for the same switches",
+        "of all meshes but the last, a hundredth on it, hundredfold if a motion hardly becomes faster: with idle "
+        "joints 1e-9 takes 100 iterations, for the same switches",
         "random arms (RRR)",
     )
-    barrier: float = tuned(1e-6, "scaled", "first of the interior-point method on the first mesh")
-    near_barrier: float = tuned(
-        1e-8,
+    barrier: float = tuned(
+        1e-6,
         "scaled",
-        "the same on the others: that of their initial solution; with 1e-6 a motion on 2,000 intervals first "
-        "becomes 1 % slower",
+        "first of the interior-point method on the first mesh; a hundredth on the others, as their initial solution's, "
+        "and a thousandth on the last: with 1e-6 a motion on 2,000 intervals first becomes 1 % slower",
         "random arms (RRR)",
     )
-    sharp_tolerance: float = tuned(1e-9, "scaled", "of the last mesh", "RRR, random pairs")
-    sharp_barrier: float = tuned(1e-9, "scaled", "the same on the last", "random arms (RRR)")
     push: float = tuned(1e-5, "of the range", "least distance of the start from bounds", "random arms (RRR)")
     convex: float = tuned(
         1e-5,
@@ -74,20 +58,11 @@ class MotionMeshPolicy:
         "of a curvature added to all unknowns",
         "random arms (RRR)",
     )
-    close: float = tuned(
-        1e-5,
-        "scaled",
-        "acceptable error of a motion: finer meshes correct it, and on the last one its certificate decides",
-        "random arms (RRR)",
-    )
-    least_decrease: float = tuned(
+    decrease: float = tuned(
         3e-8,
         "of the duration",
-        "least decrease of the barrier function, or the last mesh counts as solved",
+        "least decrease of the barrier function, or the last mesh counts as solved; thirtyfold on the meshes before",
         "random arms (RRR)",
-    )
-    rough_decrease: float = tuned(
-        1e-6, "of the duration", "the same on the meshes before, except the first", "random arms (RRR)"
     )
     patience: int = tuned(12, "iterations", "over which the decrease is measured", "random arms (RRR)")
     parts: int = tuned(4, "parts", "of a divided interval, at most")
@@ -99,13 +74,9 @@ class MotionMeshPolicy:
         "less, in twice the CPU time",
         "RR, RRR: limited accelerations; time-energy",
     )
-    ramp: float = tuned(3e-4, "of the duration", "a shorter interval of linear torques is not divided")
     velocity_excess: float = tuned(2e-5, "of a velocity limit", "excess within an interval of constant torque")
-    position_excess: float = tuned(1e-6, "rad or m", "the same of a position limit: the certificate's")
     gap: float = tuned(1e-9, "of a joint's way or speed", "error of collocation in an interval: its gradient's is 1e-5")
-    coarse_gap: float = tuned(1e-8, "of a joint's way or speed", "the same where there would be too many knots")
     least: float = tuned(4e-6, "of the duration", "a shorter interval is not divided")
-    inside: float = tuned(5e-7, "of a velocity limit", "reserve: excess between an interval's middle and its ends")
     kept: tuple[float, ...] = tuned(
         (3e-5, 3e-4, 3e-3),
         "of a torque limit",
@@ -128,15 +99,8 @@ class MotionMeshPolicy:
     work: int = tuned(
         700_000,
         "intervals",
-        "times iterations of all meshes of a problem: 5 CPU s with three joints",
+        "times iterations of all meshes of a problem: 5 CPU s with three joints; a quarter is left for divided meshes",
         "random arms (RRR)",
-    )
-    unsettled: float = tuned(
-        2e-5,
-        "of the duration",
-        "saving from which a certified motion is solved again on its mesh: of three above it became faster by 2e-6 to "
-        "7e-6, of six below none did",
-        "random arms (RRR, seeds 379, 431, 439)",
     )
     abandoned: float = tuned(
         5e-4,
@@ -144,28 +108,11 @@ class MotionMeshPolicy:
         "excess at which a mesh is abandoned: the second is accurate to 2e-4",
         "random arms (RRR)",
     )
-    reserve: int = tuned(200_000, "intervals", "times iterations in reserve for divided meshes", "random arms (RRR)")
-    last_solve: int = tuned(
-        80_000, "intervals", "times iterations of one more solve when the budget is spent", "random arms (RRR)"
-    )
     fewest: int = tuned(60, "iterations", "that must be left, or a mesh is not begun", "random arms (RRR)")
     further_meshes: int = tuned(
         4, "meshes", "divided where the motion is not yet certified, at most", "random arms (RRR)"
     )
-    saving_ratio: float = tuned(
-        0.9,
-        "of the saving before",
-        "largest saving after such a mesh, or no further mesh is divided",
-        "random arms (RRR)",
-    )
-    most_further_knots: int = tuned(
-        5000, "knots", "of such a mesh: those that were certified took 4,200", "random arms (RRR)"
-    )
-    nearly_certified: float = tuned(
-        4e-4, "-", "saving, or excess over a limit, beyond which no mesh is divided", "random arms (RRR)"
-    )
     shrink: float = tuned(0.1, "of an interval", "distance of the knots around a switch", "RRR, random pairs")
-    margin: float = tuned(0.07, "of an interval", "a switch nearer to its end is moved away")
 
 
 @dataclass(frozen=True, kw_only=True)
