@@ -22,7 +22,7 @@ from armdyn.optimal.curves.refinement import sampled
 from armdyn.optimal.curves.solve import straight_curve, units_of
 from armdyn.optimal.mesh.assembly import Block, Program, with_rows
 from armdyn.optimal.mesh.direct import assemble_mesh, legs_of
-from armdyn.optimal.mesh.solver import NlpData
+from armdyn.optimal.mesh.ipopt import NlpData
 from armdyn.optimal.mesh.starts import spline
 from armdyn.optimal.problem.options import MinimumTimeOptions
 from armdyn.optimal.problem.problem import MinimumTimeProblem

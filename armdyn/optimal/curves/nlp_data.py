@@ -18,7 +18,7 @@ from armdyn.optimal.curves.basis import WINDOW, Basis
 from armdyn.optimal.curves.curve import Curve
 from armdyn.optimal.curves.equations import POINTS, CurveInterval, end_torque_rows, end_torque_values
 from armdyn.optimal.curves.program import CurveLayout
-from armdyn.optimal.mesh.solver import NlpData
+from armdyn.optimal.mesh.ipopt import NlpData
 from armdyn.optimal.problem.checks import held
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.task import Task

@@ -14,7 +14,7 @@ import numpy as np
 from armdyn.arrays import Array
 from armdyn.optimal.curves.convex_step import QpSolution, solve_step
 from armdyn.optimal.curves.curve_program import CurveProgram, Iterate, Prices
-from armdyn.optimal.mesh.solver import NlpData, NlpResult
+from armdyn.optimal.mesh.ipopt import NlpData, NlpResult
 from armdyn.optimal.problem.policy.curves import SequentialPolicy
 from armdyn.optimal.problem.status import Status, Stop
 

@@ -29,8 +29,7 @@ from armdyn.optimal.curves.nlp_data import (
 from armdyn.optimal.curves.program import CurveLayout, build
 from armdyn.optimal.curves.sequential import SequenceSettings, Sequential, Tighten
 from armdyn.optimal.mesh.assembly import Program
-from armdyn.optimal.mesh.ipopt import Ipopt, ipopt_for
-from armdyn.optimal.mesh.solver import NlpData, NlpResult
+from armdyn.optimal.mesh.ipopt import Ipopt, NlpData, NlpResult, ipopt_for
 from armdyn.optimal.mesh.starts import spline
 from armdyn.optimal.problem.options import Acceptable, SolverSettings
 from armdyn.optimal.problem.policy.curves import SequentialPolicy

@@ -10,9 +10,8 @@ from armdyn.arrays import Array
 from armdyn.optimal.mesh.assembly import CondensedNlp, build_condensed
 from armdyn.optimal.mesh.direct import Attempt, prepare, solve_on_mesh
 from armdyn.optimal.mesh.guesses import Guesses, condensed_starts
-from armdyn.optimal.mesh.ipopt import Ipopt, ipopt_for
+from armdyn.optimal.mesh.ipopt import Ipopt, NlpData, ipopt_for
 from armdyn.optimal.mesh.layout import CondensedLayout, Layout
-from armdyn.optimal.mesh.solver import NlpData
 from armdyn.optimal.mesh.stagewise.solver import Stagewise
 from armdyn.optimal.mesh.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
 from armdyn.optimal.problem.options import SolverSettings

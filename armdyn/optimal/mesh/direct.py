@@ -11,9 +11,8 @@ from armdyn.optimal.constraints.registry import Aim, TightenedConstraints
 from armdyn.optimal.constraints.rows import StageRows, numbers_of, row_bounds
 from armdyn.optimal.mesh.assembly import Nlp, with_rows
 from armdyn.optimal.mesh.interval import CollocationInterval
-from armdyn.optimal.mesh.ipopt import Ipopt, ipopt_for
+from armdyn.optimal.mesh.ipopt import Ipopt, NlpData, ipopt_for
 from armdyn.optimal.mesh.layout import Layout
-from armdyn.optimal.mesh.solver import NlpData
 from armdyn.optimal.mesh.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
 from armdyn.optimal.problem.options import Acceptable, SolverSettings
 from armdyn.optimal.problem.problem import MinimumTimeProblem

@@ -1,8 +1,12 @@
-"""IPOPT for a program: polls a stopping condition, prints nothing."""
+"""Numbers and results of nonlinear programs, and IPOPT, which polls a stopping condition and prints nothing.
+
+minimise f(x, p) subject to lower ≤ x ≤ upper and lower ≤ g(x, p) ≤ upper.
+"""
 
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
-from typing import Any, Generic, TypeVar
+from dataclasses import dataclass
+from typing import Any, Generic, Self, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -10,9 +14,67 @@ import numpy as np
 from armdyn.arrays import Array
 from armdyn.locks import built_once, one_at_a_time
 from armdyn.optimal.mesh.assembly import Program
-from armdyn.optimal.mesh.solver import NlpData, NlpResult
 from armdyn.optimal.problem.options import SolverSettings
 from armdyn.optimal.problem.status import Status, Stop
+
+
+@dataclass(frozen=True, eq=False)
+class NlpData:
+    """Numbers of one nonlinear program: initial unknowns, parameters, bounds.
+
+    Attributes:
+        x: unknowns initial unknowns.
+        p: parameters.
+        x_bounds: lower and upper bounds of the unknowns.
+        g_bounds: lower and upper bounds of the equations.
+    """
+
+    x: Array
+    p: Array
+    x_bounds: tuple[Array, Array]
+    g_bounds: tuple[Array, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class NlpResult:
+    """Result of one solve.
+
+    Attributes:
+        status: status of the solve.
+        message: the solver's status in words.
+        iterations: number of iterations.
+        x: the last unknowns; the initial ones if the last are not finite.
+        lam_x: multipliers of the unknowns' bounds, positive at upper ones.
+        lam_g: multipliers of the equations, likewise.
+    """
+
+    status: Status
+    message: str
+    iterations: int
+    x: Array
+    lam_x: Array
+    lam_g: Array
+
+    @classmethod
+    def of(
+        cls, status: Status, message: str, stop: Stop, iterations: int, data: NlpData, found: tuple[Array, Array, Array]
+    ) -> Self:
+        """Make the result; after a stop with its reason, after an overflow with the initial unknowns.
+
+        Args:
+            status: the solver's status; INTERRUPTED after a stop.
+            message: the solver's status in words.
+            stop: stopping condition that was polled.
+            iterations: number of iterations.
+            data: the program.
+            found: last x, lam_x and lam_g.
+        """
+        x, lam_x, lam_g = found
+        if status is Status.INTERRUPTED:
+            status, message = stop.status, stop.word
+        if not np.all(np.isfinite(x)):
+            status, x = Status.FAILED if status is Status.SOLVED else status, data.x
+        return cls(status, message, iterations, x, lam_x, lam_g)
 
 
 class Monitor(ca.Callback):

@@ -8,8 +8,7 @@ import pytest
 
 from armdyn.codegen.deadline import NoTimeError
 from armdyn.optimal.mesh.assembly import Program
-from armdyn.optimal.mesh.ipopt import Ipopt, _options, ipopt_for
-from armdyn.optimal.mesh.solver import NlpData
+from armdyn.optimal.mesh.ipopt import Ipopt, NlpData, _options, ipopt_for
 from armdyn.optimal.problem.options import Acceptable, SolverSettings
 from armdyn.optimal.problem.status import Status, Stop
 from armdyn.optimal.problem.task import Task

@@ -6,13 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import armdyn as ad
-from armdyn.optimal.mesh.detection import detect
 from armdyn.optimal.problem.policy.refinement import ArcsPolicy
 from armdyn.optimal.verify.arc import (
     Arc,
     Event,
     Mode,
     arcs_between,
+    detect,
     merged,
 )
 from problems import cart

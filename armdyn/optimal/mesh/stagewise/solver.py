@@ -12,9 +12,8 @@ from armdyn.codegen.compiled import compiled_library
 from armdyn.codegen.lanes import UnwrittenError, in_lanes, prelude, table
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
-from armdyn.optimal.mesh.ipopt import STATUS
+from armdyn.optimal.mesh.ipopt import STATUS, NlpData, NlpResult
 from armdyn.optimal.mesh.layout import CondensedLayout, Layout, Parameters
-from armdyn.optimal.mesh.solver import NlpData, NlpResult
 from armdyn.optimal.mesh.stages import StageFunctions
 from armdyn.optimal.problem.options import SolverSettings
 from armdyn.optimal.problem.status import Status, Stop

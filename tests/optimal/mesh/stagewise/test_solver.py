@@ -9,7 +9,7 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.mesh.condensed import _within, solve_quickly
 from armdyn.optimal.mesh.direct import solve_on_mesh
-from armdyn.optimal.mesh.solver import NlpData
+from armdyn.optimal.mesh.ipopt import NlpData
 from armdyn.optimal.mesh.stagewise.solver import Stagewise
 from armdyn.optimal.mesh.starts import spline, via_guesses
 from armdyn.optimal.mesh.unknowns import Scales, bounds, mesh, to_unknowns
