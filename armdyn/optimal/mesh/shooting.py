@@ -1,8 +1,9 @@
 """Multiple shooting: correct a mesh's motion, with torques constant or linear in its intervals, to land exactly.
 
 Every interval is integrated by Gauss collocation of order six from its own first state. Newton's method closes the gaps
-to the next states by the least change of torques, states and duration. The equations are those of a linear regulator:
-without torques and states they are block tridiagonal in the multipliers, solved by banded Cholesky factorization.
+to the next states by the least change of torques, states and duration, all of one weight. The equations are those of a
+linear regulator: without torques and states they are block tridiagonal in the multipliers, solved by banded Cholesky
+factorization.
 """
 
 from dataclasses import dataclass, replace
@@ -15,10 +16,9 @@ from armdyn.arrays import Array, Flags
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.mesh.direct import Attempt
-from armdyn.optimal.problem.policy.landing import ShootingPolicy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.task import Task
-from armdyn.optimal.verify.rollout import gauss_steps, replay_of
+from armdyn.optimal.verify.rollout import ACCURACY, gauss_steps, replay_of
 from armdyn.trajectory import Trajectory
 
 
@@ -111,7 +111,7 @@ def landed(task: Task, attempt: Attempt) -> Shooting | None:
             return None
         if np.max(np.abs(found[0])) <= numbers.closed:
             return motion
-        step = _newton_step(motion, found, free, task, numbers)
+        step = _newton_step(motion, found, free, task)
         if step is None:
             return None
         motion, free = step
@@ -129,8 +129,8 @@ def replay_on_goal(task: Task, attempt: Attempt) -> Trajectory:
     motion = landed(task, attempt) or Shooting.of(problem, attempt, shooting.near)
     free = np.all((motion.tau > actuators.lower) & (motion.tau < actuators.upper), axis=1)
     replay, miss = _replayed(task, motion)
-    for _ in range(numbers.rounds):
-        if miss <= numbers.landed or miss > numbers.far or task.stop:
+    for _ in range(shooting.rounds):
+        if miss <= 100 * ACCURACY or miss > numbers.far or task.stop:
             break
         x = np.concatenate([replay.q, replay.v], axis=1)[np.append(np.arange(0, len(replay.t), 2), -1)]
         x[-1] = problem.x_goal
@@ -139,7 +139,7 @@ def replay_on_goal(task: Task, attempt: Attempt) -> Trajectory:
         if not all(np.all(np.isfinite(each)) for each in found):
             break
         found[0][:-1], found[0][-1] = 0.0, problem.goal_error_of(replay) / tried.size
-        step = _newton_step(tried, found, free, task, shooting)
+        step = _newton_step(tried, found, free, task)
         if step is None:
             break
         motion, free = step
@@ -158,7 +158,7 @@ def _replayed(task: Task, motion: Shooting) -> tuple[Trajectory, float]:
 
 
 def _newton_step(
-    motion: Shooting, found: tuple[Array, Array, Array, Array], free: Flags, task: Task, numbers: ShootingPolicy
+    motion: Shooting, found: tuple[Array, Array, Array, Array], free: Flags, task: Task
 ) -> tuple[Shooting, Flags] | None:
     """One step of Newton's method, and the torques that remain free: one that would exceed a limit is fixed to it.
 
@@ -170,24 +170,23 @@ def _newton_step(
     share = np.diff(motion.t)[:, None] / motion.t[-1]
     # Torques scaled by the square roots of their weights.
     moved = by_torque * (np.where(free, actuators.scale, 0.0) / np.sqrt(share))[:, None, :]
-    carried = by_state / np.sqrt(numbers.states)
+    carried = by_state.copy()
     carried[0] = 0.0  # first and last state are fixed
-    own = np.full(K, 1 / numbers.states)
-    own[-1] = 0.0
+    own = np.append(np.ones(K - 1), 0.0)
     diagonal = moved @ moved.swapaxes(1, 2) + carried @ carried.swapaxes(1, 2) + own[:, None, None] * np.eye(2 * n)
-    beyond = -carried[1:].swapaxes(1, 2) / np.sqrt(numbers.states)  # block (k, k + 1)
+    beyond = -carried[1:].swapaxes(1, 2)  # block (k, k + 1)
     matrix = _banded(diagonal, beyond)
     try:
         both = solveh_banded(matrix, np.stack([gap.ravel(), by_time.ravel()], axis=1), lower=True)
     except LinAlgError:
         return None
-    stretch = by_time.ravel() @ both[:, 0] / (numbers.longer + by_time.ravel() @ both[:, 1])
+    stretch = by_time.ravel() @ both[:, 0] / (1 + by_time.ravel() @ both[:, 1])
     multipliers = (both[:, 0] - stretch * both[:, 1]).reshape(K, 2 * n)
     weights = np.where(free, actuators.scale**2, 0.0) / share
     change = -weights * np.einsum("kan,ka->kn", by_torque, multipliers)
     states = np.einsum("kab,ka->kb", by_state[1:], multipliers[1:]) - multipliers[:-1]
     x, tau = motion.x.copy(), np.clip(motion.tau + change[:, None], actuators.lower, actuators.upper)
-    x[1:-1] -= states / numbers.states * motion.size
+    x[1:-1] -= states * motion.size
     free = free & np.all((tau > actuators.lower) & (tau < actuators.upper), axis=1)
     return replace(motion, t=motion.t * (1 - stretch), x=x, tau=tau), free
 

@@ -137,7 +137,7 @@ def detect(problem: MinimumTimeProblem, trajectory: Trajectory, mesh: Array, num
         touching = margin < numbers.touching * scale
         contact = touching[:-1] | touching[1:]  # one end marks where contact begins or ends
         above = bounds[1] - middle.q[:, i] < middle.q[:, i] - bounds[0]
-        fast = slow > limits.velocity[i] * (1 - numbers.at_speed)
+        fast = slow > limits.velocity[i] * (1 - numbers.near)
         sides = level[:, i] > 1 - numbers.near, level[:, i] < numbers.near - 1
         active = (*sides, fast & (middle.v[:, i] > 0), fast, contact & above, contact)
         modes = [Mode(name) for name in np.select(active, (*BANG, *VELOCITY, *POSITION), Mode.FREE)]
@@ -145,9 +145,7 @@ def detect(problem: MinimumTimeProblem, trajectory: Trajectory, mesh: Array, num
             modes = [Mode.PASSIVE] * intervals
         modes = _without_brief(modes, mesh, numbers.brief)
         runs = _runs(_without_bounces(modes))
-        switching = [
-            mode is Mode.FREE and (b - a <= numbers.switch or mesh[b] - mesh[a] <= numbers.brief) for mode, a, b in runs
-        ]
+        switching = [mode is Mode.FREE and mesh[b] - mesh[a] <= numbers.brief for mode, a, b in runs]
         first.append(_first_mode(runs, level[:, i], switching[0]))
         events += _switches(runs, level[:, i], knots, i, switching)
         inner = np.flatnonzero(touching[1:-1]) + 1

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from armdyn.optimal.problem.policy.tuned import LARGE, PLANAR, tuned
+from armdyn.optimal.problem.policy.tuned import LARGE, tuned
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -12,8 +12,6 @@ class LandingPolicy:
 
     cases: ClassVar = LARGE
 
-    rounds: int = tuned(8, "rounds", "of Newton's method on the replay's miss", PLANAR)
-    landed: float = tuned(1e-9, "rad or m", "miss of the goal that is a few times the integrator's error", PLANAR)
     far: float = tuned(0.1, "rad or m", "miss beyond which the linear correction does not hold")
     check_part: float = tuned(
         0.3, "of the time limit", "kept for replay and checks of the search's result", "Panda, xArm6"
@@ -56,12 +54,12 @@ class ShootingPolicy:
 
     cases: ClassVar = "random arms (RR, seed 1)"
 
-    rounds: int = tuned(12, "rounds", "of Newton's method: most take three; more with torques on limits")
+    rounds: int = tuned(
+        12, "rounds", "of Newton's method, and on the replay's miss: most take three; more with torques on limits"
+    )
     steps: int = tuned(1280, "steps", "of the whole motion at least: a coarse mesh's intervals take several")
     near: float = tuned(1e-5, "of half a torque's range", "a torque of the mesh so near its limit is on it")
     closed: float = tuned(1e-12, "of a joint's way or speed", "gaps at the integrator's error")
-    states: float = tuned(1.0, "-", "weight of a change of a state relative to one of all torques")
-    longer: float = tuned(1.0, "-", "weight of a change of the duration likewise")
     held: float = tuned(
         0.1,
         "of a limit",

@@ -121,20 +121,23 @@ class ArcsPolicy:
 
     cases: ClassVar = PLANAR
 
-    near: float = tuned(2e-3, "of a limit", "a torque within this is on its limit: IPOPT's barrier leaves 1e-4")
+    near: float = tuned(
+        2e-3, "of a limit", "a torque or speed within this is on its limit: IPOPT's barrier leaves 1e-4"
+    )
     near_speed: float = tuned(
-        2e-2, "of a limit", "the same for speeds: a constant torque keeps the limit in the mean", "Panda, UR5"
+        2e-2,
+        "of a limit",
+        "a mesh is divided at speeds within this: a constant torque keeps the limit in the mean",
+        "Panda, UR5",
     )
     in_contact: float = tuned(
         5e-3, "rad or m, or of a velocity limit", "a mesh is divided so near a limit", "RRR, ten payloads"
     )
-    switch: int = tuned(2, "intervals", "in a row off all limits are a switch; more are an arc")
     brief: float = tuned(
         5e-3,
         "of the duration",
-        "likewise, however many intervals of a resolved mesh, which is divided around a switch",
+        "off all limits is a switch: a mesh is divided around it",
         "RRR, ten payloads",
     )
     touching: float = tuned(2e-5, "of a joint's way", "a position so near its limit is on it", "RRR, random pairs")
-    at_speed: float = tuned(2e-3, "of a limit", "a speed so near its limit is on it", "random arms (RR, seeds 1 and 9)")
     least_share: float = tuned(1e-6, "of the time", "a smaller share is zero up to the multipliers' errors")
