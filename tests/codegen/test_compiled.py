@@ -23,8 +23,8 @@ from armdyn.dynamics import Dynamics
 from armdyn.errors import ArmdynWarning
 from armdyn.files import write_sealed
 from armdyn.optimal.mesh.assembly import build_nlp
+from armdyn.optimal.problem.options import Scheme
 from armdyn.optimal.problem.status import Stop
-from armdyn.optimal.problem.tableau import Scheme
 from damaged_cache import DAMAGES, fuzz_cache, planted
 from problems import paper_arm
 

@@ -9,7 +9,7 @@ from armdyn.dynamics import motion
 from armdyn.dynamics.motion import STAGES, Collocation, Feedback, replayed, tracked
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.models.values.actuator_limits import ConstantTorque
-from armdyn.optimal.problem.tableau import GAUSS_3
+from armdyn.optimal.problem.options import GAUSS_3
 from oracles import robot_named
 
 LOOSE = 1e3

@@ -26,7 +26,7 @@ from armdyn.locks import built_once, cached_property
 from armdyn.optimal.constraints.rows import IntervalFunctions, StageRows, differentiated, intervals_of
 from armdyn.optimal.mesh.interval import CollocationInterval, interval_functions, present_body
 from armdyn.optimal.mesh.layout import CondensedLayout, Layout, Parameters
-from armdyn.optimal.problem.tableau import LOBATTO_3, Scheme
+from armdyn.optimal.problem.options import LOBATTO_3, Scheme
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,9 +14,8 @@ from armdyn.optimal.mesh.ipopt import Ipopt, NlpData, ipopt_for
 from armdyn.optimal.mesh.layout import CondensedLayout, Layout
 from armdyn.optimal.mesh.stagewise.solver import Stagewise
 from armdyn.optimal.mesh.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
-from armdyn.optimal.problem.options import SolverSettings
+from armdyn.optimal.problem.options import Scheme, SolverSettings
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.tableau import Scheme
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.optimum import effort_cost
 from armdyn.trajectory import Trajectory

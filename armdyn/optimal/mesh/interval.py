@@ -8,7 +8,7 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.optimal.constraints.rows import IntervalFunctions, Stages, differentiated
 from armdyn.optimal.mesh.layout import Layout, Parameters
-from armdyn.optimal.problem.tableau import LOBATTO_3, Scheme
+from armdyn.optimal.problem.options import LOBATTO_3, Scheme
 
 
 @dataclass(frozen=True)

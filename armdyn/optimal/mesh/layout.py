@@ -17,7 +17,7 @@ import numpy as np
 
 from armdyn.arrays import Array, Index
 from armdyn.locks import cached_property
-from armdyn.optimal.problem.tableau import Scheme
+from armdyn.optimal.problem.options import Scheme
 
 _BODY = 10
 """Number of dynamic parameters of a body: mass, first moments, inertia."""

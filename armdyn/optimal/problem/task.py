@@ -9,11 +9,10 @@ from typing import Any, Self, TypeVar
 from armdyn.codegen.deadline import NoTimeError, until
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ArmdynWarning, ProblemError
-from armdyn.optimal.problem.options import MinimumTimeOptions, SolverSettings
+from armdyn.optimal.problem.options import MinimumTimeOptions, Scheme, SolverSettings
 from armdyn.optimal.problem.policy.policy import Policy, policy_for
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status, Stop
-from armdyn.optimal.problem.tableau import Scheme
 from armdyn.parallel import shared_pool
 from armdyn.reprs import joints_of
 

@@ -18,7 +18,7 @@ from armdyn.models.robots.loads import robots_of
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.problem.checks import LEAST_WAY
-from armdyn.optimal.problem.tableau import GAUSS_3
+from armdyn.optimal.problem.options import GAUSS_3
 from armdyn.optimal.problem.task import Task
 from armdyn.reprs import joints_of
 from armdyn.trajectory import Trajectory

@@ -14,7 +14,7 @@ from armdyn.optimal.mesh.assembly import build_nlp, with_rows
 from armdyn.optimal.mesh.direct import legs_of, solve_on_mesh
 from armdyn.optimal.mesh.interval import CollocationInterval
 from armdyn.optimal.mesh.starts import spline
-from armdyn.optimal.problem.tableau import Scheme
+from armdyn.optimal.problem.options import Scheme
 from armdyn.optimal.problem.task import Task
 from problems import POSES, cart, paper_arm, paper_problem
 

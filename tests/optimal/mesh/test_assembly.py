@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from armdyn.dynamics import Dynamics
 from armdyn.optimal.mesh.assembly import build_nlp, scatter
 from armdyn.optimal.mesh.unknowns import Scales, to_unknowns
-from armdyn.optimal.problem.tableau import Scheme
+from armdyn.optimal.problem.options import Scheme
 from armdyn.trajectory import Trajectory
 from problems import paper_arm
 

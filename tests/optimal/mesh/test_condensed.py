@@ -8,9 +8,8 @@ import armdyn as ad
 from armdyn.optimal.mesh.condensed import condensable, solve_quickly
 from armdyn.optimal.mesh.direct import solve_on_mesh
 from armdyn.optimal.mesh.starts import spline
-from armdyn.optimal.problem.options import SolverSettings
+from armdyn.optimal.problem.options import Scheme, SolverSettings
 from armdyn.optimal.problem.status import Stop
-from armdyn.optimal.problem.tableau import Scheme
 from armdyn.optimal.problem.task import Task
 from problems import luus_problem, paper_problem
 

@@ -8,7 +8,7 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.mesh.direct import solve_on_mesh
 from armdyn.optimal.mesh.starts import spline
-from armdyn.optimal.problem.tableau import Scheme
+from armdyn.optimal.problem.options import Scheme
 from armdyn.optimal.problem.task import Task
 from problems import cart
 

@@ -10,7 +10,7 @@ from armdyn.dynamics import Dynamics
 from armdyn.optimal.mesh.assembly import build_condensed
 from armdyn.optimal.mesh.interval import interval_functions
 from armdyn.optimal.mesh.layout import CondensedLayout, Layout, Parameters
-from armdyn.optimal.problem.tableau import Scheme
+from armdyn.optimal.problem.options import Scheme
 from problems import paper_arm
 
 CONTROLS = ["linear", "constant"]

@@ -11,7 +11,7 @@ from armdyn.dynamics import Dynamics
 from armdyn.optimal.mesh.assembly import build_nlp
 from armdyn.optimal.mesh.starts import spline
 from armdyn.optimal.mesh.unknowns import Scales, bounds, to_trajectory, to_unknowns
-from armdyn.optimal.problem.tableau import Scheme
+from armdyn.optimal.problem.options import Scheme
 from armdyn.trajectory import Trajectory
 from problems import paper_problem
 

@@ -15,9 +15,8 @@ from armdyn.locks import built_once
 from armdyn.optimal.mesh.ipopt import STATUS, NlpData, NlpResult
 from armdyn.optimal.mesh.layout import CondensedLayout, Layout, Parameters
 from armdyn.optimal.mesh.stages import StageFunctions
-from armdyn.optimal.problem.options import SolverSettings
+from armdyn.optimal.problem.options import Scheme, SolverSettings
 from armdyn.optimal.problem.status import Status, Stop
-from armdyn.optimal.problem.tableau import Scheme
 
 _PARTS = ("dense.c", "interval.c", "riccati.c", "line_search.c", "interior_point.c")
 """The .c files, in the order of their dependence."""

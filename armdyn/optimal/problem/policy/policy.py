@@ -9,7 +9,7 @@ import numpy as np
 from armdyn.dynamics.numeric import joint_inertia
 from armdyn.errors import ProblemError
 from armdyn.optimal.problem.choices import MethodName
-from armdyn.optimal.problem.options import MinimumTimeOptions
+from armdyn.optimal.problem.options import MinimumTimeOptions, Scheme
 from armdyn.optimal.problem.policy.bound import BoundPolicy
 from armdyn.optimal.problem.policy.curves import TRAINED, CurvePolicy, SequentialPolicy
 from armdyn.optimal.problem.policy.landing import LandingPolicy, PathConstraintPolicy, ShootingPolicy
@@ -23,7 +23,6 @@ from armdyn.optimal.problem.policy.refinement import (
 from armdyn.optimal.problem.policy.search import GoalPolicy, ProgramPolicy, SamePolicy, SearchPolicy
 from armdyn.optimal.problem.policy.tuned import by_kind, rows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.problem.tableau import Scheme
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,9 +13,8 @@ from armdyn.optimal.mesh.ipopt import NlpData
 from armdyn.optimal.mesh.stagewise.solver import Stagewise
 from armdyn.optimal.mesh.starts import spline, via_guesses
 from armdyn.optimal.mesh.unknowns import Scales, bounds, mesh, to_unknowns
-from armdyn.optimal.problem.options import Acceptable, SolverSettings
+from armdyn.optimal.problem.options import Acceptable, Scheme, SolverSettings
 from armdyn.optimal.problem.status import Stop
-from armdyn.optimal.problem.tableau import Scheme
 from armdyn.optimal.problem.task import Task
 from problems import paper_problem
 
