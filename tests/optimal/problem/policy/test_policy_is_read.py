@@ -135,7 +135,7 @@ SOLVES = {
     ),
     "meshes that do not converge, and one that is divided": lambda: noted(
         between("rr", velocity_limit=20.0),
-        [MESH, ("motion_mesh", {"iterations": 1, "rounds": 2, "nearly_certified": 1.0})],
+        [MESH, ("motion_mesh", {"iterations": 1, "rounds": 2})],
         starts=1,
     ),
     "in flight": lambda: noted(between("r", velocity_limit=3.0, v_start=[3.0], acceleration_limit=100.0), starts=1),
