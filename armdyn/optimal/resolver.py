@@ -18,9 +18,7 @@ from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.answer.solution import Solution, without_motion
 from armdyn.optimal.curves.curve import CurveLeg
-from armdyn.optimal.curves.live_checking import motion_of
-from armdyn.optimal.curves.live_improving import Guess, improve
-from armdyn.optimal.curves.live_program import LiveProblem, acceleration_limits
+from armdyn.optimal.curves.live import Guess, LiveProblem, acceleration_limits, improve
 from armdyn.optimal.curves.live_stopping import LastMotion, at_rest, fallback, rest_of_last
 from armdyn.optimal.curves.nlp_data import TorqueMargin
 from armdyn.optimal.problem.checks import check_every_joint_has_motor
@@ -49,9 +47,9 @@ def direct(live: LiveProblem) -> CurveLeg:
     top = np.minimum(peak, fastest)
     cruise = np.maximum(way - (2 * top**2 - v**2) / (2 * a), 0) / fastest
     duration = float(max(np.max((2 * top - v) / a + cruise), _SHORTEST))
-    r = live.mesh.basis.places[:, None]
+    r = live.basis.places[:, None]
     lead, blend = (r**3 - 2 * r**2 + r) * live.v * duration, _blend(r)
-    return CurveLeg(live.mesh.basis, start + lead + blend * (goal - start), duration)
+    return CurveLeg(live.basis, start + lead + blend * (goal - start), duration)
 
 
 def rest_of(live: LiveProblem, positions: Array, duration: float) -> CurveLeg:
@@ -59,13 +57,13 @@ def rest_of(live: LiveProblem, positions: Array, duration: float) -> CurveLeg:
 
     Args:
         live: the problem.
-        positions: positions of the motion at the parts `mesh.basis.places` of the remaining time [rad or m], shape
+        positions: positions of the motion at the parts `basis.places` of the remaining time [rad or m], shape
             (basis.size, nv).
         duration: remaining time [s].
     """
-    r, (start, goal) = live.mesh.basis.places[:, None], live.problem.poses
+    r, (start, goal) = live.basis.places[:, None], live.problem.poses
     correction = (1 - _blend(r)) * (start - positions[0]) + _blend(r) * (goal - positions[-1])
-    return CurveLeg(live.mesh.basis, positions + correction, max(duration, _SHORTEST))
+    return CurveLeg(live.basis, positions + correction, max(duration, _SHORTEST))
 
 
 def _blend(r: Array) -> Array:
@@ -178,12 +176,13 @@ class Resolver:
         live = self._prepared(problem)
         if (rest := self._rest_of_last(live)) is not None:
             return _solution(live, (Status.SOLVED, rest), 0, time.perf_counter() - began)
-        found, draft, steps = improve(live, self._guesses(live), until)
-        self._draft = draft if found is None else None  # the next call continues from it
-        if found is not None:
+        found, ended, steps = improve(live, self._guesses(live), until)
+        self._draft = (found.leg, found.margins) if found.sampled is None else None  # the next call continues from it
+        if found.sampled is not None:
             late = Status.ITERATION_LIMIT if deadline is None else Status.TIME_LIMIT
-            status, motion = Status.SOLVED if found.settled else late, motion_of(live, found.sampled, "live")
-            self._last = LastMotion(motion, found.margins, live.mesh.places, found.settled)
+            solved = ended is Status.SOLVED
+            status, motion = Status.SOLVED if solved else late, live.motion_of(found.sampled, "live")
+            self._last = LastMotion(motion, found.margins, live.places, solved)
         else:
             left = fallback(live, self._last)
             if left is None:
@@ -221,13 +220,13 @@ class Resolver:
 
     def _guesses(self, live: LiveProblem) -> list[Guess]:
         """Initial curves: a direct one, the rest of the last motion, and unfinished work."""
-        mesh, start = live.mesh, live.problem.poses[0]
-        none = TorqueMargin(*np.zeros((2, mesh.places.size, start.size)))
+        basis, start = live.basis, live.problem.poses[0]
+        none = TorqueMargin(*np.zeros((2, live.places.size, start.size)))
         guesses = [(direct(live), none)]
         if self._last is not None:
             passed, end = self._last.passed(start, live.v), float(self._last.motion.t[-1])
-            positions = self._last.motion(passed + (end - passed) * mesh.basis.places).q
-            margins = self._last.margins_from(passed, mesh) or none
+            positions = self._last.motion(passed + (end - passed) * basis.places).q
+            margins = self._last.margins_from(passed, live.places) or none
             guesses.append((rest_of(live, positions, end - passed), margins))
         if self._draft is not None:
             leg, margins = self._draft

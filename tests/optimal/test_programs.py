@@ -90,7 +90,7 @@ def test_a_curve_by_another_solver_is_armdyns(more):
     check(program)
     motion, _ = solved(program)
     task = Task.of(problem)
-    task = replace(task, policy=task.policy.changed("curves", tolerance=1e-9, accepted=1e-9, patience=300))
+    task = replace(task, policy=task.policy.changed("curves", tolerance=1e-10))
     own = solve_curve(task, straight_curve(task, 16), CurveSpec.of(task))
     assert own.converged
     # Both end at 1e-8 of the scaled conditions, and relax limits by as much.

@@ -11,10 +11,12 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 
 import armdyn as ad
-from armdyn.dynamics.numeric import inverse_dynamics, joint_inertia
+from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.optimal import resolver as live_resolver
-from armdyn.optimal.curves import live_improving as improving
-from armdyn.optimal.curves.live_checking import SampledCurve, between_samples
+from armdyn.optimal.curves import live
+from armdyn.optimal.curves.live import LiveProblem, SampledCurve
+from armdyn.optimal.curves.nlp_data import TorqueMargin
+from armdyn.optimal.problem.policy import Policy
 from armdyn.trajectory.interpolation import cubic_accelerations
 from problems import CART
 
@@ -61,8 +63,9 @@ def test_torques_between_samples_are_those_of_the_cubics():
     few = replace(whole, t=whole.t[::24], q=whole.q[::24], v=whole.v[::24], tau=whole.tau[::24])
     nothing = np.zeros((len(few.t), 7))
     tau = inverse_dynamics(robot)(few.q, few.v, nothing)
-    sampled = SampledCurve(few.t, few.q, few.v, nothing, tau, nothing, nothing, 0.0)
-    between = between_samples(sampled, robot.limits, joint_inertia(robot))
+    sampled = SampledCurve(few.t, few.q, few.v, nothing, tau, TorqueMargin(), 0.0)
+    problem = first_motion().problem
+    between = LiveProblem.of(problem, Policy.of(problem)).between_samples(sampled)
     cubics, limits, found = CubicHermiteSpline(few.t, few.q, few.v), robot.limits, -np.inf
     for first, last in pairwise(few.t):
         t = np.linspace(np.nextafter(first, last), np.nextafter(last, first), 9)
@@ -263,13 +266,13 @@ def test_towards_the_same_goal_the_last_motion_goes_on():
 def test_unfinished_work_continues_in_the_next_calls(monkeypatch):
     whole, ticks = first_motion(), count()
     clock = SimpleNamespace(perf_counter=lambda: float(next(ticks)))  # a step takes a second, however busy the machine
-    monkeypatch.setattr(improving, "time", clock)
+    monkeypatch.setattr(live, "time", clock)
     monkeypatch.setattr(live_resolver, "time", clock)
     resolver = ad.Resolver(panda())
     for _ in range(3):
         late = resolver.solve(READY, REST, THERE, deadline=3.0)
         assert (late.status, late.iterations, late.usable) == ("stopped", 0, False)
-    own = [resolver.solve(READY, REST, THERE, deadline=5.0) for _ in range(whole.iterations)]
+    own = [resolver.solve(READY, REST, THERE, deadline=4.0) for _ in range(whole.iterations)]
     assert [each.iterations for each in own] == [1] * len(own)
     assert [each.usable for each in own] == [False] * (len(own) - 1) + [True]
     expect_motion(own[-1], READY, REST, THERE)

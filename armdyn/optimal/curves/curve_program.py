@@ -5,6 +5,7 @@ Torques are eliminated: they are functions of control points and durations.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 import scipy.sparse as sp
@@ -148,14 +149,17 @@ class Prices:
     """Prices of violations.
 
     Attributes:
-        torque: price of a torque beyond its limit by half its range, the largest at every point [s].
+        row: price of a torque beyond its limit by half its range, the largest at every point, and of another row beyond
+            its bound by its scale [s].
         distance: price of a distance below the required one, the largest at every pose [s/m].
-        rows: price of a row beyond its bound by its scale, for each of `Iterate.sides` [s].
     """
 
-    torque: float
+    row: float
     distance: float
-    rows: tuple[float, ...]
+
+    def times(self, factor: float) -> Self:
+        """The prices, raised by a factor."""
+        return replace(self, row=factor * self.row, distance=factor * self.distance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,8 +190,8 @@ class Iterate:
         low, high = limits
         over = np.max(np.maximum(self.torques.tau - high, low - self.torques.tau), axis=1, initial=0)
         missing = 0.0 if self.distances is None else float(np.sum(self.distances.missing))
-        missed = sum(price * each.missed for price, each in zip(prices.rows, self.sides, strict=True))
-        return prices.torque * float(np.sum(over)), prices.distance * missing, missed
+        missed = sum(each.missed for each in self.sides)
+        return prices.row * float(np.sum(over)), prices.distance * missing, prices.row * missed
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +203,6 @@ class CurveProgram:
         torque_rows: torques and their derivatives.
         derivative_rows: control points of the limited derivatives, velocities first.
         cost: the cost.
-        smooth: price of squared accelerations, to make steps unique, shape (unknowns, unknowns) [s].
         bounds: lower and upper bounds of the unknowns, each of shape (unknowns,).
         free: whether each unknown may change in a step, shape (unknowns,).
         torques: indices of the unknowns that are the torques of `torque_rows`, shape (points of all legs, joints), or
@@ -213,7 +216,6 @@ class CurveProgram:
     torque_rows: TorqueRows
     derivative_rows: tuple[DerivativeRows, ...]
     cost: CurveCost
-    smooth: sp.csr_matrix
     bounds: tuple[Array, Array]
     free: Flags
     torques: Index
@@ -230,11 +232,6 @@ class CurveProgram:
         place[order] = np.arange(order.size)
         return place
 
-    @cached_property
-    def curvature(self) -> sp.csr_matrix:
-        """Hessian of the cost without torques, shape (unknowns, unknowns)."""
-        return self.smooth + self.cost.moving
-
     def at(self, x: Array) -> Iterate:
         """Linearise all rows at unknowns, whose torques are computed."""
         torques = self.torque_rows.at(x, self.lead)
@@ -247,51 +244,56 @@ class CurveProgram:
         distances = None if self.clearance is None else self.clearance.at(self.shape, x)
         return Iterate(x, self.cost.value(x, torques.tau), torques, tuple(sides), distances)
 
-    def step_program(
-        self, at: Iterate, limits: tuple[Array, Array], prices: Prices, hard_velocities: bool = False
-    ) -> ConvexStep:
+    def after(self, x: Array, step: Array) -> Array:
+        """Unknowns after a step, within their bounds; each of shape (unknowns,)."""
+        moved = np.where(self.free, np.clip(x + step, *self.bounds), x)
+        if self.lead is not None:
+            (duration,) = self.cost.durations
+            moved += self.lead * (moved[duration] - x[duration])
+        return moved
+
+    def step_program(self, at: Iterate, limits: tuple[Array, Array], prices: Prices) -> ConvexStep:
         """The quadratic program at an iterate, without the bounds of the step.
 
         Args:
             at: the iterate.
             limits: torque limits, as in `Iterate.penalties`.
-            prices: prices of violations.
-            hard_velocities: whether velocity limits must be satisfied, whatever the price; equations have a price.
+            prices: prices of violations; velocity limits must be satisfied, whatever the price.
         """
-        (low, high), tau, velocities = limits, at.torques.tau, at.sides[0]
-        points, priced = np.repeat(np.arange(len(tau)), tau.shape[1]), list(zip(prices.rows, at.sides, strict=True))
-        hard: tuple[tuple[sp.csr_matrix, ...], Array] = (), np.empty(0)
-        if hard_velocities:
-            given = velocities.equal
-            hard = velocities.only(~given).below(at.x)[:2]
-            priced[:1] = [(prices.rows[0], velocities.only(given))] if np.any(given) else []
-        soft = [SoftRows.between(at.torques.jacobian, (low - tau).ravel(), (high - tau).ravel(), points, prices.torque)]
-        soft += [SoftRows(*sides.below(at.x), price) for price, sides in priced]
+        (low, high), tau, (velocities, *others) = limits, at.torques.tau, at.sides
+        points, given = np.repeat(np.arange(len(tau)), tau.shape[1]), velocities.equal
+        if np.any(given):
+            others.insert(0, velocities.only(given))
+        soft = [SoftRows.between(at.torques.jacobian, (low - tau).ravel(), (high - tau).ravel(), points, prices.row)]
+        soft += [SoftRows(*sides.below(at.x), prices.row) for sides in others]
         if at.distances is not None:
             own = at.distances
             soft.append(SoftRows((-own.jacobian,), own.spare, own.samples, prices.distance))
         nothing, cost = np.zeros(at.x.size), self.cost
         return ConvexStep(
             place=self.place,
-            gradient=cost.gradient(at.x, at.torques) + self.smooth @ at.x,
-            curvature=self.curvature,
+            gradient=cost.gradient(at.x, at.torques),
+            curvature=cost.moving,
             squares=cost.no_squares if cost.torques is None else cost.torques.squares(at.x, at.torques),
             bounds=(nothing, nothing),
-            hard=hard,
+            hard=velocities.only(~given).below(at.x)[:2],
             soft=tuple(soft),
         )
 
-    def within(self, step: ConvexStep, x: Array, trust: float, durations: tuple[float, float]) -> ConvexStep:
-        """A quadratic program whose step is within a trust region.
+    def region(self, x: Array, trust: float, stretch: float) -> Array:
+        """Largest changes of the unknowns in a trust region, shape (unknowns,).
 
         Args:
-            step: the program.
             x: unknowns at the iterate.
             trust: radius of the region [rad or m].
-            durations: largest decrease and increase of a duration, as parts of it.
+            stretch: largest change of a duration, as a part of it, over the radius [1/rad or 1/m].
         """
-        (low, high), own = self.bounds, self.cost.durations
-        lower, upper = np.full(x.size, -trust), np.full(x.size, trust)
-        lower[own], upper[own] = -durations[0] * x[own], durations[1] * x[own]
-        lower, upper = np.maximum(lower, np.minimum(low - x, 0)), np.minimum(upper, np.maximum(high - x, 0))
+        region, own = np.full(x.size, trust), self.cost.durations
+        region[own] = stretch * trust * x[own]
+        return region
+
+    def within(self, step: ConvexStep, x: Array, region: Array) -> ConvexStep:
+        """A quadratic program whose step from unknowns x is within a region."""
+        low, high = self.bounds
+        lower, upper = np.maximum(-region, np.minimum(low - x, 0)), np.minimum(region, np.maximum(high - x, 0))
         return replace(step, bounds=(lower, upper))

@@ -54,13 +54,13 @@ def curves(task: Task) -> tuple[list[Optimum], SearchResult]:
         task: the problem and its settings.
     """
     numbers, alone = task.policy.curves, task.policy.strategy.curves_alone
-    starts = task.policy.search.guesses(task.options, numbers.starts)
     if not alone:
         first = refine_curve(task, straight_curve(task, numbers.intervals), _calms(task), by_steps=True)
         found, planned = ([first] if first.solved.converged or task.stop else []), True
     elif task.problem.has_clearance or task.problem.has_regions:
         found, planned = _among_obstacles(task)
     else:
+        starts = task.policy.search.guesses(task.options, numbers.starts)
         found, planned = _refined(task, _guesses(task, starts), _calms(task)), True
         hopeless = task.options.search == "quick" and bool(task.problem.weak_ends)
         if not (task.stop or hopeless) and all(_may_improve(task, one) for one in found):
@@ -310,11 +310,11 @@ def _landed(task: Task, refined: RefinedCurve) -> Optimum:
     # `follow` integrates as `replay_torques` does, sample by sample; `repeated` uses another integrator.
     replay = follow(task, sampled(task, curve))
     # Where friction jumps, or the arm is unstable, `refine.slowing` would end off the goal.
-    for more in (1.0, task.policy.curves.slowing_factor) if can_be_slowed(problem) else ():
+    for _ in range(task.policy.curves.rounds if can_be_slowed(problem) else 0):
         factor = least_factor(problem.robot, problem.limits, replay, LIMIT_TOLERANCE)
         if not 1 < factor < 1 + task.policy.curves.most_excess:
             break
-        curve = curve.slower(1 + more * (factor - 1))
+        curve = curve.slower(factor)
         replay = follow(task, sampled(task, curve))
     curve, replay, reports = within_constraints(task, curve, replay, refined.spec.constraints)
     result = refined.solved.result

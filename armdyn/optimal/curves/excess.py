@@ -10,8 +10,10 @@ from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.models.values.actuator_limits import ActuatorLimits
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.curve import Curve, CurveLeg
+from armdyn.optimal.curves.curve_program import Iterate
 from armdyn.optimal.curves.equations import POINTS
 from armdyn.optimal.curves.nlp_data import CurveSpec, TorqueMargin, curve_layout, torque_rates
+from armdyn.optimal.problem.policy.curves import CurvePolicy
 from armdyn.optimal.problem.task import Task
 
 _MOST = 0.95
@@ -99,26 +101,46 @@ def worst_excess(over: tuple[TorqueMargin, ...]) -> float:
     return float(max(np.max(side) for leg in over for side in (leg.upper, leg.lower, leg.rates)))
 
 
-def larger_margin(task: Task, margin: TorqueMargin, over: TorqueMargin, eager: float | None = None) -> TorqueMargin:
+def larger_margin(margin: TorqueMargin, over: TorqueMargin, numbers: CurvePolicy) -> TorqueMargin:
     """Larger margin where a torque exceeds its limit; at a point with a full margin, both neighbours get it.
 
     Args:
-        task: task with the tuned numbers.
         margin: margin so far.
         over: excess of torques.
-        eager: factor from excess to margin; None: the policy's.
+        numbers: tuned numbers.
     """
-    numbers = task.policy.curves
-    times = numbers.eager if eager is None else eager
 
     def more(beyond: Array | float) -> Array:
-        return np.asarray(np.maximum(np.asarray(beyond) + numbers.margin_added, 0) * times)
+        return np.asarray(np.maximum(np.asarray(beyond) + numbers.small_excess / 2, 0) * numbers.eager)
 
     upper, lower, rates = more(over.upper), more(over.lower), more(over.rates)
     left = np.pad(np.maximum(upper * (margin.upper >= _MOST), lower * (margin.lower >= _MOST)), ((1, 1), (0, 0)))
     neighbours = np.maximum(left[:-2], left[2:])
     upper, lower = margin.upper + upper + neighbours, margin.lower + lower + neighbours
     return TorqueMargin(np.minimum(upper, _MOST), np.minimum(lower, _MOST), np.minimum(margin.rates + rates, _MOST))
+
+
+def next_margin(
+    margin: TorqueMargin, over: TorqueMargin, own: tuple[Array, Array], reduces: bool, numbers: CurvePolicy
+) -> TorqueMargin:
+    """Margins of the torques between steps: how far torques near a point go beyond the point's own, where they exceed.
+
+    A point's own excess, by nonlinearity, is left to the next step.
+
+    Args:
+        margin: margins so far.
+        over: excess of torques near the points.
+        own: excess at the points over the upper and lower limits, each of shape (points, nv).
+        reduces: whether margins fall where no limit is exceeded.
+        numbers: tuned numbers.
+    """
+    kept = numbers.margin_kept if reduces else 1.0
+
+    def next_(before: Array | float, beyond: Array | float, here: Array) -> Array:
+        target = np.where(np.asarray(beyond) > 0, numbers.strict * (beyond - here), 0.0)
+        return np.minimum(np.maximum(target, kept * np.asarray(before)), _MOST)
+
+    return replace(margin, upper=next_(margin.upper, over.upper, own[0]), lower=next_(margin.lower, over.lower, own[1]))
 
 
 def round_words(number: int, curve: Curve, over: tuple[TorqueMargin, ...]) -> str:
@@ -141,50 +163,23 @@ class Tightening:
         self._guess, self._shape = guess, curve_layout(task.problem, guess, spec.constraints)
         self._last = np.empty(0), tuple[TorqueMargin, ...]()
 
-    def __call__(self, x: Array, tau: Array) -> tuple[Array, Array] | None:
+    def __call__(self, at: Iterate, near: bool) -> tuple[Array, Array] | None:
         """Tightened bounds of the torques at the points, in half ranges; None without a change."""
-        curve = self._shape.curve(self._guess, x)
-        over = excesses_of(self.task, curve)
-        self._last = x, over
-        if worst_excess(over) <= self.enough or self.rounds == self.task.policy.curves.rounds:
+        if not near:
+            return None
+        numbers, curve = self.task.policy.curves, self._shape.curve(self._guess, at.x)
+        over, tau = excesses_of(self.task, curve), at.torques.tau
+        self._last = at.x, over
+        if worst_excess(over) <= self.enough or self.rounds == numbers.rounds:
             return None
         self.rounds += 1
         self.task.progress(round_words(self.rounds, curve, over))
         actuators = self.task.problem.limits.actuators
         least, most = (side / actuators.half_range for side in (actuators.lower, actuators.upper))
-        margin, (beyond,) = self.spec.margin(0), over
-        spare_upper, spare_lower = most - margin.upper - tau, tau - (least + margin.lower)
-        # A point's own excess, by nonlinearity, is left to the next step.
-        left = TorqueMargin(
-            beyond.upper + np.minimum(spare_upper, 0), beyond.lower + np.minimum(spare_lower, 0), beyond.rates
-        )
-        margin = replace(
-            margin,
-            upper=margin.upper + self._idle(spare_upper, beyond.upper),
-            lower=margin.lower + self._idle(spare_lower, beyond.lower),
-        )
-        margin = self._moved(margin, left)
+        early = not self.spec.least and 2 * self.rounds <= numbers.rounds
+        margin = next_margin(self.spec.margin(0), over[0], (tau - most, least - tau), early, numbers)
         self.spec = replace(self.spec, margins=(margin,))
         return least + margin.lower, most - margin.upper
-
-    def _idle(self, spare: Array, beyond: Array | float) -> Array:
-        """Slack of a torque whose neighbours exceed their bounds: a smaller margin has no effect."""
-        idle = (np.asarray(beyond) > self.enough) & (spare > 0) & (spare < self.task.policy.curves.active_slack)
-        return np.where(idle, spare, 0.0)
-
-    def _moved(self, margin: TorqueMargin, over: TorqueMargin) -> TorqueMargin:
-        """Larger margins where torques exceed their limits; smaller ones where they stay below, in early rounds."""
-        numbers = self.task.policy.curves
-        late = self.rounds - numbers.decrease_rounds
-        if self.spec.least or late > 0:  # the rest falls slowly
-            return larger_margin(self.task, margin, over, numbers.eager * max(late, 1))
-        more = larger_margin(self.task, margin, over, numbers.eager_steps)
-
-        def smaller(side: Array | float, beyond: Array | float) -> Array:
-            spare = np.minimum(np.asarray(beyond) + numbers.margin_added, 0)
-            return np.asarray(np.maximum(side + numbers.margin_decrease * spare, 0))
-
-        return replace(more, upper=smaller(more.upper, over.upper), lower=smaller(more.lower, over.lower))
 
     def over_at(self, x: Array) -> tuple[TorqueMargin, ...] | None:
         """Excess of the torques, without their margins, at unknowns, if these were evaluated last; else None."""

@@ -17,7 +17,7 @@ from armdyn.optimal.curves.basis import Basis
 from armdyn.optimal.curves.convex_step import with_values
 from armdyn.optimal.curves.curve import Curve, CurveLeg
 from armdyn.optimal.curves.program import CurveLayout
-from armdyn.optimal.problem.policy.curves import SequentialPolicy
+from armdyn.optimal.problem.policy.policy import Policy
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,18 +258,16 @@ class ClearanceRows:
         return Linearised(spare, jacobian, near.poses, missing)
 
 
-def clearance_rows(required: RequiredDistances, guess: Curve, policy: SequentialPolicy) -> ClearanceRows:
+def clearance_rows(required: RequiredDistances, guess: Curve, numbers: Policy) -> ClearanceRows:
     """Rows at evenly spaced places of every leg, where distances were violated before, and where pairs pass closely."""
-    longest = max(leg.basis.intervals for leg in guess.legs)
-    fine = longest > policy.coarse
-    most = policy.poses if fine else policy.coarse_poses
+    policy, longest = numbers.sequential, max(leg.basis.intervals for leg in guess.legs)
     least = np.minimum(required.clearance + policy.clearance_added, required.most)
     legs = []
     for leg, more in zip(guess.legs, required.places, strict=True):
-        even = np.linspace(0, 1, -(-most * leg.basis.intervals // longest) + 2)
-        passing = _passing(required.model, leg, even, least + policy.passing) if fine else even[:0]
+        even = np.linspace(0, 1, numbers.curves.intervals * leg.basis.intervals // longest + 2)
+        passing = _passing(required.model, leg, even, least + policy.passing)
         near = np.concatenate([more, passing])
-        around = (near[:, None] + even[1] * policy.neighbour_distance * np.array([-1, 0, 1])).ravel()
+        around = (near[:, None] + even[1] / 3 * np.array([-1, 0, 1])).ravel()
         # Places nearer than a hundredth of a step are redundant.
         all_ = np.unique(np.round(np.concatenate([even, around]) / (0.01 * even[1]))) * 0.01 * even[1]
         legs.append((leg.basis, all_[(all_ > 0) & (all_ < 1 - 1e-9)]))

@@ -6,8 +6,7 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.optimal.curves.curve import CurveLeg
-from armdyn.optimal.curves.live_checking import acceleration_excess, check, motion_of, within_limits
-from armdyn.optimal.curves.live_program import LiveProblem, Places
+from armdyn.optimal.curves.live import LiveProblem, acceleration_excess, acceleration_limits
 from armdyn.optimal.curves.nlp_data import TorqueMargin
 from armdyn.optimal.problem.checks import held
 from armdyn.optimal.problem.policy.live import LivePolicy
@@ -67,18 +66,18 @@ class LastMotion:
         """
         t = self.passed(q, v)
         at, end = self.motion(t), float(self.motion.t[-1])
-        is_off = np.max(np.abs(at.q - q)) > policy.same_position or np.max(np.abs(at.v - v)) > policy.same_velocity
-        if is_off or end - t < _LEAST:
+        far = max(np.max(np.abs(at.q - q)), np.max(np.abs(at.v - v)) / 100)
+        if far > policy.same_position or end - t < _LEAST:
             return None
         left = self.motion.slice(t, end)
         return replace(left, t=left.t - t, name="rest of the last motion")
 
-    def margins_from(self, passed: float, mesh: Places) -> TorqueMargin | None:
+    def margins_from(self, passed: float, places: Array) -> TorqueMargin | None:
         """Torque margins of the motion from a time on [s], interpolated to the places of a new curve."""
         if self.margins is None or self.places is None:
             return None
         whole = self.motion.duration
-        part = (passed + (whole - passed) * mesh.places) / whole
+        part = (passed + (whole - passed) * places) / whole
         upper, lower = (
             np.column_stack([np.interp(part, self.places, column) for column in np.asarray(each).T])
             for each in (self.margins.upper, self.margins.lower)
@@ -121,22 +120,22 @@ def _brake(live: LiveProblem) -> Trajectory | None:
     Its accelerations are constant: after the time T the arm rests at q + v T / 2. T grows by a factor, from half of
     the time of the weakest joint by its inertia.
     """
-    policy, basis, v = live.numbers.live, live.mesh.basis, live.v
+    policy, basis, v = live.numbers.live, live.basis, live.v
     robot, start = live.problem.robot, live.problem.poses[0]
     duration = float(np.max(np.abs(v) * np.diag(live.inertia(start)) / live.half)) / 2
     first, second = basis.monomials()
     shape = (first - second / 2)[:, None]
     for _ in range(policy.brakes):
-        sampled = check(live, CurveLeg(basis, start + shape * v * duration, duration))
+        sampled = live.check(CurveLeg(basis, start + shape * v * duration, duration))
         end = sampled.q[-1]
-        if within_limits(live, sampled) and np.all(held(robot, live.problem.limits, end, np.zeros_like(end))[1]):
-            return motion_of(live, sampled, "stop")
+        if live.within_limits(sampled) and np.all(held(robot, live.problem.limits, end, np.zeros_like(end))[1]):
+            return live.motion_of(sampled, "stop")
         duration *= policy.longer
     return None
 
 
 def _within_limits(live: LiveProblem, motion: Trajectory) -> bool:
     """Whether a motion satisfies limits of torque, velocity, position and acceleration, and distances."""
-    faster = acceleration_excess(motion.t, motion.q, motion.v, live.acceleration)
+    faster = acceleration_excess(motion.t, motion.q, motion.v, acceleration_limits(live.problem))
     kept = max(limit_violation(live.problem.limits, motion), faster) <= LIMIT_TOLERANCE
     return kept and live.clear(motion)

@@ -91,7 +91,7 @@ def torque_rates(task: Task, constraints: TightenedConstraints) -> Array | None:
     problem = task.problem
     found = [each.torque_rate_limit(problem) for each in constraints.path_constraints]
     given = [limit for limit in found if limit is not None]
-    kept = 0.0 if problem.from_rest_to_rest else task.policy.curves.steep_in_flight
+    kept = 0.0 if problem.from_rest_to_rest else 100 * task.policy.curves.in_flight
     return (1 - kept) * np.min(given, axis=0) if given else None
 
 

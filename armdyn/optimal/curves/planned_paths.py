@@ -137,16 +137,12 @@ def refined_paths(task: Task, planned: Iterator[LegPaths]) -> list[RefinedCurve]
         task: task with distance constraints.
         planned: paths of `paths_through`, planned only as far as they are tried.
     """
-    numbers, bound = task.policy.sequential, task.problem.duration_bound()
-    spec = CurveSpec(TightenedConstraints.of(task))
-    best, iterations = None, 0
+    numbers, spec = task.policy.sequential, CurveSpec(TightenedConstraints.of(task))
+    best, iterations, bound = None, 0, task.problem.duration_bound()
     for guess in _guesses(task, planned):
-        best_duration = np.inf if best is None or not best.converged else best.curve.duration
-        if task.stop or best_duration < numbers.near_bound * bound:
+        if task.stop or (best and best.converged and best.curve.duration < numbers.near_bound * bound):
             break
-        solved = solve_in_steps(
-            task, guess, spec, SequenceSettings(numbers.trust, numbers.coarse_enough, best_duration)
-        )
+        solved = solve_in_steps(task, guess, spec, SequenceSettings(numbers.enough))
         iterations += solved.result.iterations
         task.progress(f"a path of {solved.curve.duration:.4f} s")
         if best is None or (not solved.converged, solved.curve.duration) < (not best.converged, best.curve.duration):
@@ -155,8 +151,7 @@ def refined_paths(task: Task, planned: Iterator[LegPaths]) -> list[RefinedCurve]
         return []
     fine = _bases(task, [leg.duration for leg in best.curve.legs], fine=True)
     refined = refine_among_obstacles(task, best.curve.on(fine))
-    curve, iterations = refined.curve.slower(1 + numbers.kept), iterations + refined.iterations
-    return [replace(refined, curve=curve, iterations=iterations)]
+    return [replace(refined, iterations=iterations + refined.iterations)]
 
 
 def _guesses(task: Task, planned: Iterator[LegPaths]) -> Iterator[Curve]:
@@ -164,8 +159,7 @@ def _guesses(task: Task, planned: Iterator[LegPaths]) -> Iterator[Curve]:
     numbers, speed = task.policy.sequential, _speed(task.problem, task.policy.search)
     yield from (_guess(task, paths) for paths in islice(planned, 1))
     others = sorted(planned, key=partial(_seconds, speed=speed))
-    most = numbers.paths_in_regions if task.problem.has_regions else numbers.paths
-    yield from (_guess(task, paths) for paths in others[: most - 1])
+    yield from (_guess(task, paths) for paths in others[: numbers.paths - 1])
     if len(task.problem.poses) == 2:
         (basis,) = _bases(task, [1.0])
         yield from (Curve.from_motion(guess, basis) for guess in task.options.guesses)
@@ -195,10 +189,9 @@ def _bases(task: Task, durations: ArrayLike, fine: bool = False) -> list[Basis]:
     With regions, short legs have fewer intervals, which are short only at the motion's ends.
     """
     numbers, times = task.policy.sequential, np.asarray(durations, dtype=float)
-    most = numbers.intervals if fine else numbers.coarse
-    shortest, longest = (
-        (numbers.shortest, numbers.longest) if fine else (numbers.coarse_shortest, numbers.coarse_longest)
-    )
+    coarser = 1 if fine else 2
+    most, shortest = task.policy.curves.intervals // coarser, coarser * numbers.shortest
+    longest = coarser * numbers.longest
     if not task.problem.has_regions:
         return [Basis(graded(most, shortest, longest))] * times.size
     parts, last = times / np.max(times), times.size - 1

@@ -49,7 +49,7 @@ def profiles(task: Task) -> tuple[list[Optimum], SearchResult]:
     problem, numbers = task.problem, task.policy.curves
     original, found = TightenedConstraints.of(task), list[Optimum]()
     constraints, decides = original, _deciding(problem, original)
-    for _ in range(numbers.profile_rounds):
+    for _ in range(numbers.rounds):
         velocity, *rates = rate_limits(problem, constraints).values()
         curve = synchronous(problem, ((1 - numbers.velocity_error) * velocity, *rates))
         if task.stop or worst_excess(excesses_of(task, curve)) > 0:
@@ -121,11 +121,11 @@ def _samples(task: Task, curve: Curve) -> list[int]:
     """Number of samples of every leg. Between samples h apart a jerk is off by up to h/2 M⁻¹τ''."""
     problem, numbers = task.problem, task.policy.curves
     jerk = np.inf if problem.jerk_limit is None else np.asarray(problem.jerk_limit)
-    least, most = numbers.profile_samples / curve.duration, numbers.profile_most_samples / curve.duration
+    least = numbers.profile_samples / curve.duration
     counts = []
     for leg in curve.legs:
         off = float(np.max(np.abs(forced_snap(problem.robot, leg)) / jerk)) / 2
-        density = np.clip(off / numbers.profile_jerk_error, least, most)
+        density = np.clip(off / numbers.profile_jerk_error, least, 10 * least)
         counts.append(max(int(np.ceil(leg.duration * density)), numbers.samples))
     return counts
 

@@ -7,13 +7,11 @@ import numpy as np
 
 from armdyn.optimal.constraints.constraint import ConstraintReports
 from armdyn.optimal.constraints.registry import TightenedConstraints
-from armdyn.optimal.curves.curve import Curve, CurveLeg
-from armdyn.optimal.curves.equations import POINTS
+from armdyn.optimal.curves.curve import Curve
 from armdyn.optimal.curves.excess import Tightening, excesses_of, larger_margin, round_words, worst_excess
 from armdyn.optimal.curves.nlp_data import CurveSpec, TorqueMargin
 from armdyn.optimal.curves.sampling import fine_enough, sample_counts
 from armdyn.optimal.curves.solve import Solved, solve_curve
-from armdyn.optimal.problem.policy.curves import SequentialPolicy
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.within_limits import can_be_slowed, constraints_mended, follow, least_factor
 from armdyn.trajectory import Trajectory
@@ -80,7 +78,7 @@ def calm_curve(task: Task, fastest: RefinedCurve, share: float) -> RefinedCurve:
     """
     numbers, duration = task.policy.curves, fastest.curve.duration
     least = (1 + share - numbers.small_excess) * duration
-    spec = replace(fastest.spec, smooth=0.0, travel=numbers.travel, steps=numbers.torque_steps, least=least)
+    spec = replace(fastest.spec, smooth=0.0, travel=numbers.calm, steps=numbers.calm, least=least)
     near = None if fastest.solved.in_steps else fastest.solved
     found = _refined(task, fastest.curve, spec, numbers.small_excess, near)
     given = found.curve.duration - duration
@@ -147,7 +145,7 @@ def _in_rounds(
 
 def _tighter(task: Task, spec: CurveSpec, over: tuple[TorqueMargin, ...], reports: ConstraintReports) -> CurveSpec:
     """Specification with larger torque margins and tightened constraints, by the excesses."""
-    more = tuple(larger_margin(task, spec.margin(k), here) for k, here in enumerate(over))
+    more = tuple(larger_margin(spec.margin(k), here, task.policy.curves) for k, here in enumerate(over))
     return replace(spec, margins=more, constraints=spec.constraints.tightened(task.problem, reports))
 
 
@@ -165,7 +163,7 @@ def _within_limits(
     curve = _slowed(task, fast)
     over = over if curve is fast else excesses_of(task, curve)
     numbers = task.policy.curves
-    for _ in range(numbers.paces):  # excesses between samples
+    for _ in range(numbers.rounds):  # excesses between samples
         if not 0 < worst_excess(over) <= most:
             break
         curve = curve.slower(1 + numbers.slower * worst_excess(over))
@@ -194,16 +192,15 @@ def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
     """
     numbers, most_excess = task.policy.sequential, task.policy.curves.most_excess
     constraints = TightenedConstraints.of(task)
-    margins = () if task.problem.has_regions else tuple(_at_the_ends(leg, numbers) for leg in guess.legs)
-    spec = CurveSpec(constraints, margins=margins)
+    spec = CurveSpec(constraints)
     found, solved, iterations = list[RefinedCurve](), None, 0
 
     def rank(one: RefinedCurve) -> tuple[bool, bool, float]:
-        broken = np.any(one.curve.velocity_jumps(task.problem.limits.velocity) > numbers.parted)
+        broken = np.any(one.curve.velocity_jumps(task.problem.limits.velocity) > numbers.enough)
         broken |= not constraints_mended(task, one.reports)
         return bool(broken), one.excess > most_excess, one.curve.duration
 
-    for k in range(numbers.rounds):
+    for k in range(task.policy.curves.rounds):
         solved = solve_curve(task, guess if solved is None else solved.curve, spec, solved)
         iterations += solved.result.iterations
         over = excesses_of(task, solved.curve)
@@ -212,22 +209,13 @@ def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
             curve, left = _within_limits(task, curve, over, most_excess)
         reports = reports_on(task, curve, spec.constraints)
         found.append(RefinedCurve(curve, solved, spec, iterations, worst_excess(left), reports))
-        little = curve.duration < (1 + numbers.slowed * 2**k) * solved.curve.duration
+        little = curve.duration < (1 + numbers.enough * 2**k) * solved.curve.duration
         good = not any(rank(found[-1])[:2])
         task.progress(f"round {k + 1}: {curve.duration:.4f} s{'' if good else ', limits are not satisfied yet'}")
         if task.stop or (good and little):
             break
         spec = _tighter(task, spec, over, reports)
     return replace(min(found, key=rank), iterations=iterations)
-
-
-def _at_the_ends(leg: CurveLeg, numbers: SequentialPolicy) -> TorqueMargin:
-    """Margins near the ends, where torques change fast, and in the first and last interval."""
-    margin = np.zeros((POINTS * leg.basis.intervals, leg.points.shape[1]))
-    near = POINTS * numbers.switching
-    margin[:near] = margin[-near:] = numbers.switch_margin
-    margin[:POINTS] = margin[-POINTS:] = numbers.end_margin
-    return TorqueMargin(margin, margin)
 
 
 def reports_on(task: Task, curve: Curve, constraints: TightenedConstraints) -> ConstraintReports:
@@ -256,21 +244,20 @@ def sampled(task: Task, curve: Curve, times: int = 1) -> Trajectory:
     """
     numbers, problem = task.policy.curves, task.problem
     jumps = not problem.continuous_torque
-    if not jumps:  # the feedback's corrections change fast between close samples
-        numbers = replace(numbers, most_samples=numbers.samples)
     if not can_be_slowed(problem):
-        numbers = replace(numbers, velocity_error=numbers.velocity_error_in_flight)
+        numbers = replace(numbers, velocity_error=numbers.velocity_error / 20)
     dry_friction = bool(np.any(np.asarray(problem.robot.friction.coulomb) > 0))
-    finer = times * (numbers.finer if dry_friction or not jumps or not numbers.cruises else 1)
+    finer = times * (numbers.finer[0] if dry_friction or not jumps or not numbers.cruises else 1)
     numbers = fine_enough(problem.robot, curve.trajectory(problem.robot, jumps=jumps), numbers)
-    counts = [finer * sample_counts(problem.robot, leg, problem.limits.velocity, numbers) for leg in curve.legs]
+    most = numbers.samples * (8 if jumps else 1)  # the feedback's corrections change fast between close samples
+    counts = [finer * sample_counts(problem.robot, leg, problem.limits.velocity, numbers, most) for leg in curve.legs]
     return curve.trajectory(problem.robot, counts, jumps)
 
 
 def _slowed(task: Task, curve: Curve) -> Curve:
     """The same path, slowed down until torques and speeds are within their limits; unchanged if no pace is."""
     exact = task.problem.limits.actuators.constant and not task.problem.robot.friction.present
-    for _ in range(task.policy.curves.paces):
+    for _ in range(task.policy.curves.rounds):
         factor = least_factor(task.problem.robot, task.problem.limits, sampled(task, curve))
         if factor == 1 or not np.isfinite(factor):
             break
@@ -298,7 +285,7 @@ def within_constraints(
     problem = task.problem
     reports = constraints.check(problem, replay, curve.passing)
     rubs = bool(np.any(np.asarray(problem.robot.friction.coulomb) > 0))
-    finer = task.policy.curves.finer_still if rubs else ()
+    finer = task.policy.curves.finer[1:] if rubs else ()
     needed = can_be_slowed(problem) and (rubs or not constraints_mended(task, reports))
     for k in range(len(finer) + task.policy.refinement.slowing if needed else 0):
         if reports.slowing == 1 or not np.isfinite(reports.slowing):

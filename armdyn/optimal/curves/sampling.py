@@ -16,7 +16,7 @@ _CHECKS = 5
 """Places of an interval, including its ends, at which a torque's second derivatives are estimated."""
 
 
-def sample_counts(robot: Robot, leg: CurveLeg, speed: Array, numbers: CurvePolicy) -> Index:
+def sample_counts(robot: Robot, leg: CurveLeg, speed: Array, numbers: CurvePolicy, most: int) -> Index:
     """Samples per interval for which the replay's velocity error is a given part of the velocity limits.
 
     Between samples h apart, linear interpolation of a torque with the second derivative τ'' makes velocities oscillate
@@ -27,7 +27,8 @@ def sample_counts(robot: Robot, leg: CurveLeg, speed: Array, numbers: CurvePolic
         robot: the arm.
         leg: leg of a curve.
         speed: velocity limits [rad/s or m/s], shape (nv,); infinite ones are replaced by the leg's largest velocity.
-        numbers: the part, and least and largest number of samples.
+        numbers: the part, and the least number of samples.
+        most: largest number of samples, but for a leg's least.
 
     Returns:
         Number of samples, shape (intervals,).
@@ -38,7 +39,7 @@ def sample_counts(robot: Robot, leg: CurveLeg, speed: Array, numbers: CurvePolic
     worst = np.maximum(np.maximum(jumps[:-1], jumps[1:]), np.max(np.abs(snap), axis=1))
     allowed = 48 * numbers.velocity_error * np.where(np.isfinite(speed), speed, leg.fastest + np.finfo(float).tiny)
     needed = leg.duration * lengths * np.cbrt(np.max(worst / allowed, axis=1))
-    needed = np.maximum(np.clip(needed, numbers.samples, numbers.most_samples), numbers.steps * lengths)
+    needed = np.maximum(np.clip(needed, numbers.samples, most), numbers.steps * lengths)
     return np.asarray(np.ceil(needed), dtype=int)
 
 

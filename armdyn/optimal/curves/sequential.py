@@ -1,26 +1,35 @@
 """The fastest curve near a guess by sequential convexification: linearised rows, a trust region, exact penalties.
 
-Torques are eliminated: they are functions of control points and durations, and their limits are rows of the quadratic
-program. Distances come from coal on the real geometry, with their gradients. After J. Schulman et al., "Motion planning
-with sequential convex optimization and convex collision checking", IJRR 33(9), 2014; the merit function and the
-trust region are those of Nocedal and Wright, Numerical Optimization, 2006, algorithm 18.4 and section 18.5.
+One loop serves all curves: until it converges, or from a moving state until a deadline. Torques are eliminated: they
+are functions of control points and durations, and their limits are rows of the quadratic program. Distances come from
+coal on the real geometry, with their gradients. After J. Schulman et al., "Motion planning with sequential convex
+optimization and convex collision checking", IJRR 33(9), 2014; the merit function and the trust region are those of
+Nocedal and Wright, Numerical Optimization, 2006, algorithms 4.1 and 18.4 and section 18.5.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.optimal.curves.convex_step import QpSolution, solve_step
 from armdyn.optimal.curves.curve_program import CurveProgram, Iterate, Prices
-from armdyn.optimal.mesh.ipopt import NlpData, NlpResult
 from armdyn.optimal.problem.policy.curves import SequentialPolicy
-from armdyn.optimal.problem.status import Status, Stop
+from armdyn.optimal.problem.status import Status
 
-Tighten = Callable[[Array, Array], tuple[Array, Array] | None]
-"""Maps unknowns and their curve's torques, as parts of half the range, shape (points, joints), to lower and upper
-bounds of the torques; None: unchanged bounds."""
+Bounds = tuple[Array, Array]
+"""Lower and upper bounds of torques, as parts of half the range, each of shape (points, joints)."""
+Tighten = Callable[[Iterate, bool], Bounds | None]
+"""Maps an iterate, and whether its last step was well predicted, to new bounds of the torques; None: they stay."""
+
+
+class Stopping(Protocol):
+    """Stopping condition, polled before every step."""
+
+    def __bool__(self) -> bool:
+        """Whether to stop now."""
 
 
 @dataclass(frozen=True)
@@ -28,18 +37,38 @@ class SequenceSettings:
     """Settings of a sequence of steps.
 
     Attributes:
-        trust: initial radius of the trust region [rad or m].
         enough: relative change of the merit at convergence.
-        best_duration: duration to beat [s]: a sequence that is not near it after a few steps ends.
-        eager: whether the policy's number of first steps are accepted without a test.
-        tighten: new torque bounds, called after a well-predicted step, or without a better one.
+        warm: whether the initial curve is nearly the solution: the first radius is smaller, and no step is accepted
+            without a test.
+        tighten: new torque bounds, called after every step, and without a better one.
+        steps: limit of steps; None: the policy's.
     """
 
-    trust: float
     enough: float
-    best_duration: float = np.inf
-    eager: bool = True
+    warm: bool = False
     tighten: Tighten | None = None
+    steps: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Sequence:
+    """Outcome of a sequence of steps.
+
+    Attributes:
+        status: how it ended.
+        word: likewise, in words.
+        iterations: number of quadratic programs.
+        at: the last curve.
+        base: where the last quadratic program was linearised.
+        step: its solution; None: there was none.
+    """
+
+    status: Status
+    word: str
+    iterations: int
+    at: Iterate
+    base: Iterate
+    step: QpSolution | None
 
 
 class Sequential:
@@ -47,146 +76,92 @@ class Sequential:
 
     Attributes:
         program: the program.
-        data: initial unknowns, and bounds; those of the torques are the first ones.
-        policy: tuned numbers, with prices for the guess's duration.
-        stop: of the solve.
+        bounds: bounds of the torques, which `SequenceSettings.tighten` may replace.
+        policy: tuned numbers.
+        stop: stopping condition.
     """
 
-    def __init__(self, program: CurveProgram, data: NlpData, whole: float, policy: SequentialPolicy, stop: Stop):
+    def __init__(self, program: CurveProgram, bounds: Bounds, whole: float, policy: SequentialPolicy, stop: Stopping):
         """Scale the prices; whole: duration of the guess [s]."""
-        self._whole, self._radius = whole, 0.0
-        dear = max(1.0, self._whole / policy.usual_duration)
-        self.program, self.data, self.stop = program, data, stop
-        self.policy = replace(policy, distance=dear * policy.distance)
-        lower, upper = data.x_bounds
-        self._limits = lower[program.torques], upper[program.torques]
+        self.program, self.bounds, self.policy, self.stop = program, bounds, policy, stop
+        self._prices = Prices(whole * policy.price, whole * policy.distance)
+        self._radius = self._largest = policy.trust
+        self._enough, self._iterations = 0.0, 0
 
-    def solve(self, settings: SequenceSettings) -> NlpResult:
-        """Iterate from the program's unknowns."""
-        policy, iterations, trust = self.policy, 0, settings.trust
-        eager = policy.eager if settings.eager else 0
-        at = self.program.at(self.data.x)
-        merit, step, base = self._merit(at), None, at
-        k, last = -1, policy.patience - 1
-        while k < last:
-            k += 1
+    def solve(self, x: Array, settings: SequenceSettings) -> Sequence:
+        """Iterate from unknowns, shape (unknowns,)."""
+        policy, first = self.policy, self.policy.trust / 3 if settings.warm else self.policy.trust
+        self._radius, self._enough, self._iterations = first, settings.enough, 0
+        at, step, changes = self.program.at(x), None, 0
+        base, status, word = at, Status.ITERATION_LIMIT, "iteration limit"
+        for k in range(settings.steps or policy.steps):
             if self.stop:
                 status, word = Status.INTERRUPTED, "interrupted"
                 break
-            base, (taken, step, trust, tried) = at, self._step(at, merit, trust, eager=k < eager)
-            iterations += tried
-            missed = self._penalties(at)[2] > policy.other * policy.other_left
-            missed = missed and policy.other < policy.most_other * self._whole
-            if taken is None and missed:  # a slow arm gains more by violated rows than their price
-                policy = self.policy = replace(policy, other=10 * policy.other)
-                merit, trust = self._merit(at), settings.trust
-                continue
-            ended, near, word = taken is None, taken is None and self._kept(at), "no step is better"
+            base, (taken, step, region) = at, self._step(at, eager=not settings.warm and k < policy.eager)
+            ended = near = taken is None
             if taken is not None:
-                before, merit = merit, self._merit(taken)
-                # With rows linear along the step, the step ends at the optimum.
-                promised, reached = at.cost + step.cost, self._reached(at, taken, step, merit)
-                off = abs(promised - merit)
-                if k == last < policy.steps - 1 and before - promised < policy.near * merit:
-                    last += 1
-                at, settled, word = taken, abs(before - merit) < settings.enough * merit, "converged"
-                ended = settled or (reached and off < policy.predicted * merit)
-                near = off < policy.tightened * merit and (reached or settled)
-            bounds = settings.tighten(at.x, at.torques.tau) if settings.tighten is not None and near else None
+                at, (ended, near) = taken, self._judged(at, taken, step, region)
+            elif not self._kept(at):  # a slow arm gains more by violated rows than their price
+                self._prices, self._radius, self._largest = self._prices.times(policy.rise), first, policy.trust
+                changes = 0
+                continue
+            bounds = None if settings.tighten is None else settings.tighten(at, near)
             if bounds is not None:
-                self._limits = bounds
-                merit, eager, last = self._merit(at), 0, max(last, k + policy.tightened_steps)
-                trust = settings.trust if taken is None else trust
-            elif ended and (taken is None or self._kept(at)):
-                status = Status.SOLVED if self._kept(at) else Status.FAILED
+                self.bounds, self._radius = bounds, first if taken is None else self._radius
+                changes += not self._kept(at)
+                damped = policy.trust * 0.5 ** max(changes - policy.undamped, 0)
+                self._largest = max(damped, 10 * policy.least_trust)
+            elif ended and self._kept(at):
+                status, word = Status.SOLVED, "no step is better" if taken is None else "converged"
                 break
-            elif k >= eager and self._duration(at) > policy.dropped * settings.best_duration:
-                status, word = Status.ITERATION_LIMIT, "another path is faster"
-                break
-        else:
-            status, word = Status.ITERATION_LIMIT, "iteration limit"
-        return self._outcome(at, (base, step), status, word, iterations)
+        return Sequence(status, word, self._iterations, at, base, step)
 
-    def _step(
-        self, at: Iterate, merit: float, trust: float, eager: bool
-    ) -> tuple[Iterate | None, QpSolution, float, int]:
-        """An accepted step (None: none is better), its quadratic program, the next radius and the iterations."""
-        policy, iterations = self.policy, 0
-        program = self.program.step_program(at, self._limits, self._prices(at), hard_velocities=True)
+    def merit(self, at: Iterate) -> float:
+        """Cost plus the priced violations [s]."""
+        return at.cost + sum(at.penalties(self.bounds, self._prices))
+
+    def _step(self, at: Iterate, eager: bool) -> tuple[Iterate | None, QpSolution, Array]:
+        """An accepted step (None: none is better), its quadratic program and its region; sets the next radius."""
+        policy, merit = self.policy, self.merit(at)
+        program = self.program.step_program(at, self.bounds, self._prices)
+        self._radius = min(self._radius, self._largest)
         while True:
-            self._radius = trust
-            step = solve_step(
-                self.program.within(program, at.x, trust, (policy.faster, policy.slower)), policy.accuracy
-            )
-            iterations += 1
-            if step.found and merit - (at.cost + step.cost) < policy.predicted * merit:
-                return None, step, trust, iterations
+            region = self.program.region(at.x, self._radius, policy.stretch)
+            step = solve_step(self.program.within(program, at.x, region), policy.accuracy)
+            self._iterations += 1
+            promised = merit - (at.cost + step.cost)
+            if step.found and promised < self._enough * merit:
+                return None, step, region
             if step.found:
-                moved = np.clip(at.x + step.step, *self.program.bounds)
-                next_ = self.program.at(np.where(self.program.free, moved, at.x))
-                gained, promised = merit - self._merit(next_), merit - (at.cost + step.cost)
-                near, far = self._penalties(at)[1], self._penalties(next_)[1]
-                if eager and not (far - near > policy.jump and far > 2 * near):
-                    return next_, step, trust, iterations
-                if promised <= 0 or gained > policy.least_gain * promised:
-                    if gained < policy.poor * promised:
-                        trust /= 2
+                taken = self.program.at(self.program.after(at.x, step.step))
+                gained = merit - self.merit(taken)
+                if eager or gained > 0:
+                    if gained < policy.poor * promised and not eager:
+                        self._radius /= 2
                     elif gained > policy.good * promised:
-                        trust = min(2 * trust, policy.trust)
-                    return (next_ if gained > 0 else None), step, trust, iterations
-            trust /= policy.shrink
-            if trust < policy.least_trust or self.stop:
-                return None, step, trust, iterations
+                        self._radius *= 2
+                    return taken, step, region
+            self._radius /= 2
+            if self._radius < policy.least_trust or self.stop:
+                return None, step, region
 
-    def _prices(self, at: Iterate) -> Prices:
-        policy = self.policy
-        return Prices(policy.torque, policy.distance, (policy.other,) * len(at.sides))
+    def _judged(self, at: Iterate, taken: Iterate, step: QpSolution, region: Array) -> tuple[bool, bool]:
+        """Whether a step ends the iteration, and whether it was predicted well enough to judge its torques.
 
-    def _penalties(self, at: Iterate) -> tuple[float, float, float]:
-        return at.penalties(self._limits, self._prices(at))
-
-    def _merit(self, at: Iterate) -> float:
-        return at.cost + sum(self._penalties(at))
-
-    def _duration(self, at: Iterate) -> float:
-        return float(np.sum(at.x[self.program.cost.durations]))
-
-    def _reached(self, at: Iterate, taken: Iterate, step: QpSolution, merit: float) -> bool:
-        """Whether the last step ended within its trust region, or the region's bounds cost almost nothing.
-
-        A convex program's optimum is convex in its bounds: moving them lowers it by no more than their multipliers
-        predict.
+        With rows linear along the step, it ends at the optimum. A convex program's optimum is convex in its bounds:
+        moving the region's lowers it by no more than their multipliers predict.
         """
-        free, least = self.program.free, self.policy.unrestricted * self._radius
-        change = np.abs(taken.x - at.x)
-        if np.max(change[free]) < least:
-            return True
-        held = free & (change > least)
-        return bool(self._radius * np.sum(np.abs(step.bounds[held])) < self.policy.predicted * merit)
+        merit, promised = self.merit(taken), at.cost + step.cost
+        held = self.program.free & (2 * np.abs(taken.x - at.x) > region)  # not by the unknown's own bounds
+        reached = region[held] @ np.abs(step.bounds[held]) <= self._enough * merit
+        settled = abs(taken.cost - at.cost) < self._enough * merit
+        off = abs(promised - merit)
+        ended = settled or (reached and off < self._enough * merit)
+        return bool(ended), bool(off < self.policy.tightened * merit and (reached or settled))
 
     def _kept(self, at: Iterate) -> bool:
-        torque, distance, other = self._penalties(at)
-        policy = self.policy
-        left = torque <= policy.torque * policy.torque_left, distance <= policy.distance * policy.distance_left
-        return all(left) and other <= policy.other * policy.other_left
-
-    def _outcome(
-        self, at: Iterate, last: tuple[Iterate, QpSolution | None], status: Status, word: str, iterations: int
-    ) -> NlpResult:
-        lam_x, lam_g, (base, step) = np.zeros(at.x.size), np.zeros(self.data.g_bounds[0].size), last
-        if step is not None:
-            self._multipliers(step, lam_x, lam_g)
-            timed = at.sides[0].duration  # rows c <= b T are divided by the T that they are linearised at
-            lam_g[self.program.shape.rates_of_all(1)] *= at.x[timed] / base.x[timed]
-        return NlpResult(status, word, iterations, at.x, lam_x / self._whole, lam_g / self._whole)
-
-    def _multipliers(self, step: QpSolution, lam_x: Array, lam_g: Array) -> None:
-        """Multipliers of torque limits and velocity limits, with IPOPT's signs."""
-        torques, rates = self.program.torques.ravel(), self.program.shape.rates_of_all(1)
-        least, most = (side[rates] for side in self.data.g_bounds)
-        for out, own, found in (
-            (lam_x, torques, step.multipliers[1]),
-            (lam_g, rates[least < most], step.multipliers[0]),
-        ):
-            upper, lower = np.split(found, 2)
-            out[own] += upper - lower
+        """Whether the rows are satisfied but for little."""
+        torque, distance, other = at.penalties(self.bounds, Prices(1.0, 1.0))
+        left = self.policy.left
+        return max(torque, other) <= left and distance <= left / 10

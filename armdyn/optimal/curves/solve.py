@@ -27,12 +27,11 @@ from armdyn.optimal.curves.nlp_data import (
     travel_scales,
 )
 from armdyn.optimal.curves.program import CurveLayout, build
-from armdyn.optimal.curves.sequential import SequenceSettings, Sequential, Tighten
+from armdyn.optimal.curves.sequential import Sequence, SequenceSettings, Sequential, Tighten
 from armdyn.optimal.mesh.assembly import Program
 from armdyn.optimal.mesh.ipopt import Ipopt, NlpData, NlpResult, ipopt_for
 from armdyn.optimal.mesh.starts import spline
 from armdyn.optimal.problem.options import Acceptable, SolverSettings
-from armdyn.optimal.problem.policy.curves import SequentialPolicy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.task import Task
@@ -89,22 +88,13 @@ def solve_curve(
         tighten: see `SequenceSettings`, for programs solved by steps.
         by_steps: do not fall back on IPOPT if steps do not converge.
     """
-    shape = curve_layout(task.problem, guess, spec.constraints)
-    if task.problem.has_regions or spec.constraints.required_distances(task.problem) is not None:
-        numbers = task.policy.sequential
-        trust = numbers.fine_trust if warm_start is None else numbers.warm_trust
-        eager = warm_start is None and not spec.least
-        if spec.least:
-            numbers = replace(numbers.without_obstacles, trust=numbers.calm_trust)
-        return solve_in_steps(task, guess, spec, SequenceSettings(trust, numbers.enough, eager=eager), numbers)
-    rows = rows_of(task.problem, spec.constraints)
-    if solved_by_steps(task, shape, rows) and (warm_start is None or warm_start.in_steps):
-        numbers = task.policy.sequential.without_obstacles
-        numbers = replace(numbers, trust=numbers.calm_trust) if spec.least else numbers
-        trust = numbers.trust if warm_start is None else numbers.warm_trust
-        steps = SequenceSettings(trust, numbers.enough, eager=warm_start is None, tighten=tighten)
-        found = solve_in_steps(task, guess, spec, steps, numbers)
-        if found.converged or task.stop or by_steps:
+    shape, rows = curve_layout(task.problem, guess, spec.constraints), rows_of(task.problem, spec.constraints)
+    avoids = task.problem.has_regions or spec.constraints.required_distances(task.problem) is not None
+    if avoids or (solved_by_steps(task, shape, rows) and (warm_start is None or warm_start.in_steps)):
+        numbers, warm = task.policy.sequential, warm_start is not None or (avoids and spec.least > 0)
+        enough = numbers.enough if avoids and not spec.least else numbers.free_enough
+        found = solve_in_steps(task, guess, spec, SequenceSettings(enough, warm, None if avoids else tighten))
+        if avoids or found.converged or task.stop or by_steps:
             return found
         # With many torques at their limits throughout, first derivatives converge slowly.
     same = warm_start is not None and not warm_start.in_steps and (warm_start.shape, warm_start.rows) == (shape, rows)
@@ -131,9 +121,7 @@ def units_of(
     return float(units[0]), float(units[1])
 
 
-def solve_in_steps(
-    task: Task, guess: Curve, spec: CurveSpec, steps: SequenceSettings, numbers: SequentialPolicy | None = None
-) -> Solved:
+def solve_in_steps(task: Task, guess: Curve, spec: CurveSpec, steps: SequenceSettings) -> Solved:
     """Solve a program of curves by sequential convexification.
 
     Args:
@@ -141,14 +129,36 @@ def solve_in_steps(
         guess: initial guess.
         spec: requirements of the curve.
         steps: settings of the sequence.
-        numbers: tuned numbers; None: the task's.
     """
     shape, rows = curve_layout(task.problem, guess, spec.constraints), rows_of(task.problem, spec.constraints)
     data = assemble_curve(task, guess, spec, shape)
     program = curve_program(task, guess, spec, shape, data)
-    result = Sequential(program, data, guess.duration, numbers or task.policy.sequential, task.stop).solve(steps)
-    limits = np.less(*data.g_bounds)
+    lower, upper = (side[program.torques] for side in data.x_bounds)
+    found = Sequential(program, (lower, upper), guess.duration, task.policy.sequential, task.stop).solve(data.x, steps)
+    result, limits = _with_multipliers(found, program, data, guess.duration), np.less(*data.g_bounds)
     return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration, limits, in_steps=True)
+
+
+def _with_multipliers(found: Sequence, program: CurveProgram, data: NlpData, whole: float) -> NlpResult:
+    """The outcome of a sequence, with multipliers of torque and velocity limits in IPOPT's signs and units.
+
+    Args:
+        found: the outcome.
+        program: its program.
+        data: the nonlinear program of the same unknowns.
+        whole: duration of the guess [s].
+    """
+    x, lam_x, lam_g = found.at.x, np.zeros(found.at.x.size), np.zeros(data.g_bounds[0].size)
+    if found.step is not None:
+        rates = program.shape.rates_of_all(1)
+        limited = rates[data.g_bounds[0][rates] < data.g_bounds[1][rates]]
+        velocities, torques, *_ = found.step.multipliers
+        for out, own, both in ((lam_x, program.torques.ravel(), torques), (lam_g, limited, velocities)):
+            upper, lower = np.split(both, 2)
+            out[own] += upper - lower
+        timed = found.at.sides[0].duration  # rows c <= b T are divided by the T that they are linearised at
+        lam_g[rates] *= x[timed] / found.base.x[timed]
+    return NlpResult(found.status, found.word, found.iterations, x, lam_x / whole, lam_g / whole)
 
 
 def curve_cost(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) -> CurveCost:
@@ -171,6 +181,12 @@ def curve_cost(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) ->
         each = zip(spec.travel * times / n, guess.legs, strict=True)
         squared = [price * leg.basis.squared(1, POINTS) for price, leg in each]
         moving = quadratic_form(shape, squared, travel_scales(task, guess))
+    elif not spec.smooth:  # squared accelerations over velocity limits determine joints with time to spare
+        numbers, prices = task.policy.sequential, np.full(times.size, task.policy.sequential.smooth)
+        if shape.joined:  # of accelerations in time: those of short legs are large
+            prices = numbers.smooth_short * (np.max(times) / times) ** 3
+        squared = [price * leg.basis.squared(2, POINTS) for price, leg in zip(prices, guess.legs, strict=True)]
+        moving = quadratic_form(shape, squared, task.problem.limits.velocity)
     torques = TorquePrices(
         duration_of_point=np.repeat([shape.duration(k) for k in shape.legs], sizes),
         tie=parts * np.repeat(spec.smooth * times / n, sizes),
@@ -220,25 +236,12 @@ def curve_program(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout,
             DerivativeRows.of(bases, shape, k, finite(limits[k]), bounds(shape.rates_of_all(k))) for k in shape.orders
         ),
         cost=curve_cost(task, guess, spec, shape),
-        smooth=_smoothing(task, guess, spec, shape),
         bounds=data.x_bounds,
         free=free,
         torques=torques,
         others=others,
-        clearance=None if required is None else clearance_rows(required, guess, task.policy.sequential),
+        clearance=None if required is None else clearance_rows(required, guess, task.policy),
     )
-
-
-def _smoothing(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) -> sp.csr_matrix:
-    """Weights of squared accelerations over velocity limits, in the unknowns; zero if torques have a cost."""
-    if spec.smooth or spec.travel:
-        return sp.csr_matrix((shape.size, shape.size))
-    numbers, times = task.policy.sequential, np.array([leg.duration for leg in guess.legs])
-    prices = numbers.smooth * np.ones(times.size)
-    if shape.joined:  # of accelerations in time: those of short legs are large
-        prices = numbers.smooth_short * (np.max(times) / times) ** 3
-    squared = [price * leg.basis.squared(2, POINTS) for price, leg in zip(prices, guess.legs, strict=True)]
-    return quadratic_form(shape, squared, task.problem.limits.velocity)
 
 
 def prepare_curve(task: Task, guess: Curve, spec: CurveSpec) -> None:
@@ -262,14 +265,10 @@ def _solver(task: Task, shape: CurveLayout, rows: tuple[StageRows, ...], warm: b
     if arrived():
         forget()
     numbers = task.policy.curves
-    settings = SolverSettings(
-        numbers.tolerance,
-        numbers.patience,
-        numbers.warm_barrier if warm else numbers.barrier,
-        Acceptable(numbers.accepted, numbers.accepted, numbers.tolerance, numbers.accepted_after),
-        push=_WARM if warm else None,
-        warm=warm,
-    )
+    accepted = Acceptable(100 * numbers.tolerance, 100 * numbers.tolerance, numbers.tolerance)
+    settings = SolverSettings(numbers.tolerance, numbers.patience, acceptable=accepted)
+    if warm:
+        settings = replace(settings, barrier=10 * numbers.tolerance, push=_WARM, warm=True)
     return task.in_time(lambda scheme: ipopt_for(settings, build, task.dynamics, shape, rows, scheme.compile))
 
 

@@ -13,7 +13,7 @@ from armdyn.optimal.curves.basis import Basis, graded
 from armdyn.optimal.curves.curve import Curve
 from armdyn.optimal.curves.linear_rows import clearance_rows
 from armdyn.optimal.curves.nlp_data import curve_layout
-from armdyn.optimal.problem.policy.curves import SequentialPolicy
+from armdyn.optimal.problem.policy.policy import Policy
 from armdyn.optimal.problem.task import Task
 from oracles import robot_named
 
@@ -30,7 +30,7 @@ def swing():
         obstacles=[post],
         clearance=1e-3,
     )
-    return problem, Curve.straight(problem, Basis(graded(40, 3e-3, 0.05)), 1.0), SequentialPolicy()
+    return problem, Curve.straight(problem, Basis(graded(40, 3e-3, 0.05)), 1.0), Policy.of(problem)
 
 
 def test_slopes_by_the_control_points_against_differences(swing):
@@ -59,12 +59,12 @@ def test_poses_are_where_bodies_pass_each_other(swing):
     ((_, places),) = clearance_rows(required, curve, policy).legs
     looks = np.linspace(0, 1, 2001)
     distances = required.model.distances(curve.legs[0].at(looks)[0])
-    step = 1 / (policy.poses + 1)
-    for pair in np.flatnonzero(np.min(distances, axis=0) < policy.passing):
+    step = 1 / (policy.curves.intervals + 1)
+    for pair in np.flatnonzero(np.min(distances, axis=0) < policy.sequential.passing):
         nearest = looks[np.argmin(distances[:, pair])]
         if step < nearest < 1 - step and np.min(distances[:, pair]) > 0:
             assert np.min(np.abs(places - nearest)) < step / 8
-    assert np.all((places > 0) & (places < 1)) and np.all(np.diff(places) > 0) and places.size > policy.poses
+    assert np.all((places > 0) & (places < 1)) and np.all(np.diff(places) > 0) and places.size > policy.curves.intervals
 
 
 def test_a_pair_just_beyond_the_clearance_at_the_goal_must_keep_more_than_the_clearance(swing):

@@ -434,7 +434,7 @@ def test_before_a_mesh_a_curve_that_steps_do_not_find_is_none():
     task = Task.of(problem, ad.MinimumTimeOptions(calm=0.0))
     (first,), found = curves(task)
     assert first.certificate.ends_within(1e-6) and not found.failed
-    hasty = replace(task, policy=task.policy.changed("sequential", free_patience=1, near=0.0))
+    hasty = replace(task, policy=task.policy.changed("sequential", steps=1))
     assert curves(hasty)[0] == []
     alone, _ = curves(replace(hasty, policy=hasty.policy.by("curves")))
     assert alone and alone[0].certificate.ends_within(1e-6)
@@ -462,7 +462,7 @@ def test_a_solve_interrupted_later_is_usable():
 def test_a_solve_without_convergence_is_reported(limit, steps):
     task = Task.of(ur5(), ad.MinimumTimeOptions(time_limit=limit))
     if steps:
-        policy = task.policy.changed("curves", patience=steps).changed("sequential", free_patience=steps)
+        policy = task.policy.changed("curves", patience=steps).changed("sequential", steps=steps)
         task = replace(task, policy=policy)
     solution = solve_task(task)
     assert not solution.certificate.ok

@@ -117,10 +117,10 @@ def test_room_is_added_only_where_a_torque_exceeds_its_limit():
 def test_a_point_without_room_takes_it_from_its_neighbours():
     job, kept = cart_task(), np.full((4, 1), -1.0)
     over = TorqueMargin(kept, np.array([[-1.0], [-1.0], [-1.0], [0.1]]), np.full((5, 1), -1.0))
-    once = larger_margin(job, TorqueMargin(), over)
+    once = larger_margin(TorqueMargin(), over, job.policy.curves)
     assert once.lower[3, 0] == pytest.approx(0.15, abs=1e-3)
     assert not np.any(once.lower[:3]) and not np.any(once.upper)
-    full = larger_margin(job, replace(once, lower=np.array([[0.0], [0.0], [0.0], [0.95]])), over)
+    full = larger_margin(replace(once, lower=np.array([[0.0], [0.0], [0.0], [0.95]])), over, job.policy.curves)
     assert full.lower[3, 0] == 0.95
     np.testing.assert_allclose(np.ravel(full.lower)[:3], [0, 0, 0.15], atol=1e-3)
     np.testing.assert_allclose(np.ravel(full.upper), [0, 0, 0.15, 0], atol=1e-3)

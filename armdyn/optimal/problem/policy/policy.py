@@ -148,7 +148,6 @@ class Policy:
             ),
             curves=CurvePolicy(
                 cruises=speed_limited,
-                patience=300 if has_constraints or np.any(problem.robot.friction.coulomb) else 120,
                 shortest=_shortest(problem, speed_limited),
                 starts=1 if speed_limited else 4,
                 mesh_starts=_by_joints(joints, 1, 4, 12) if rated and motors and not problem.via else 0,
