@@ -14,8 +14,7 @@ from armdyn.arguments import expect, numbers, whole
 from armdyn.arrays import Array, Index
 from armdyn.errors import ProblemError
 from armdyn.optimal.constraints.registry import TightenedConstraints
-from armdyn.optimal.curves.basis import Basis
-from armdyn.optimal.curves.curve import Curve, CurveLeg
+from armdyn.optimal.curves.curve import Basis, Curve, CurveLeg
 from armdyn.optimal.curves.nlp_data import CurveSpec, assemble_curve, curve_layout, rows_of
 from armdyn.optimal.curves.program import build
 from armdyn.optimal.curves.refinement import sampled

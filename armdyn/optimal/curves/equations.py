@@ -9,7 +9,7 @@ from armdyn.codegen.compiled import compiled
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.optimal.constraints.rows import IntervalFunctions, RowValues, StageRows, Stages, differentiated, nonzeros_of
-from armdyn.optimal.curves.basis import WINDOW
+from armdyn.optimal.curves.curve import WINDOW
 from armdyn.optimal.mesh.interval import only_present
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 

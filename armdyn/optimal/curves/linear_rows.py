@@ -13,9 +13,8 @@ from armdyn.locks import cached_property
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.collision import CollisionModel
 from armdyn.optimal.constraints.constraint import RequiredDistances
-from armdyn.optimal.curves.basis import Basis
 from armdyn.optimal.curves.convex_step import with_values
-from armdyn.optimal.curves.curve import Curve, CurveLeg
+from armdyn.optimal.curves.curve import Basis, Curve, CurveLeg
 from armdyn.optimal.curves.program import CurveLayout
 from armdyn.optimal.problem.policy.policy import Policy
 

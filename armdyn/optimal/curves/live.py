@@ -16,8 +16,7 @@ from armdyn.dynamics.numeric import joint_inertia
 from armdyn.locks import cached_property
 from armdyn.optimal.constraints.clearance import ClearanceConstraint
 from armdyn.optimal.constraints.constraint import ConstraintReport
-from armdyn.optimal.curves.basis import Basis, graded
-from armdyn.optimal.curves.curve import Curve, CurveLeg
+from armdyn.optimal.curves.curve import Basis, Curve, CurveLeg, graded
 from armdyn.optimal.curves.curve_program import CurveCost, CurveProgram, Iterate, quadratic_form
 from armdyn.optimal.curves.equations import POINTS
 from armdyn.optimal.curves.excess import next_margin, torque_excess

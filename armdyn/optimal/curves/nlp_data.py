@@ -14,8 +14,7 @@ from armdyn.optimal.constraints.regions import GoalRegion
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.constraints.rows import RowValues, StageRows, intervals_of, spread
 from armdyn.optimal.constraints.torque_limits import TorqueSpeedLimit
-from armdyn.optimal.curves.basis import WINDOW, Basis
-from armdyn.optimal.curves.curve import Curve
+from armdyn.optimal.curves.curve import WINDOW, Basis, Curve
 from armdyn.optimal.curves.equations import POINTS, CurveInterval, end_torque_rows, end_torque_values
 from armdyn.optimal.curves.program import CurveLayout
 from armdyn.optimal.mesh.ipopt import NlpData

@@ -17,8 +17,7 @@ from armdyn.errors import ProblemError
 from armdyn.models.scene.reaching import slid
 from armdyn.optimal.constraints.regions import FrameRegion
 from armdyn.optimal.constraints.registry import TightenedConstraints
-from armdyn.optimal.curves.basis import Basis, graded
-from armdyn.optimal.curves.curve import Curve
+from armdyn.optimal.curves.curve import Basis, Curve, graded
 from armdyn.optimal.curves.nlp_data import CurveSpec
 from armdyn.optimal.curves.refinement import RefinedCurve, refine_among_obstacles
 from armdyn.optimal.curves.sequential import SequenceSettings

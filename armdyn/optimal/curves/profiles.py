@@ -11,11 +11,9 @@ import numpy as np
 
 from armdyn.arrays import Array, Flags
 from armdyn.optimal.constraints.registry import TightenedConstraints
-from armdyn.optimal.curves.basis import DEGREE, Basis
-from armdyn.optimal.curves.curve import Curve, CurveLeg
-from armdyn.optimal.curves.excess import excesses_of, worst_excess
+from armdyn.optimal.curves.curve import DEGREE, Basis, Curve, CurveLeg
+from armdyn.optimal.curves.excess import excesses_of, forced_snap, worst_excess
 from armdyn.optimal.curves.nlp_data import rate_limits
-from armdyn.optimal.curves.sampling import forced_snap
 from armdyn.optimal.mesh.candidates import SearchResult
 from armdyn.optimal.problem.planning_limits import Profiles
 from armdyn.optimal.problem.problem import MinimumTimeProblem

@@ -11,8 +11,7 @@ from armdyn.codegen.deadline import expect_time
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.optimal.constraints.rows import IntervalFunctions, StageRows, intervals_of
-from armdyn.optimal.curves.basis import DEGREE, WINDOW, Basis
-from armdyn.optimal.curves.curve import Curve, CurveLeg
+from armdyn.optimal.curves.curve import DEGREE, WINDOW, Basis, Curve, CurveLeg
 from armdyn.optimal.curves.equations import (
     POINTS,
     CurveInterval,

@@ -8,9 +8,16 @@ import numpy as np
 from armdyn.optimal.constraints.constraint import ConstraintReports
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.curve import Curve
-from armdyn.optimal.curves.excess import Tightening, excesses_of, larger_margin, round_words, worst_excess
+from armdyn.optimal.curves.excess import (
+    Tightening,
+    excesses_of,
+    fine_enough,
+    larger_margin,
+    round_words,
+    sample_counts,
+    worst_excess,
+)
 from armdyn.optimal.curves.nlp_data import CurveSpec, TorqueMargin
-from armdyn.optimal.curves.sampling import fine_enough, sample_counts
 from armdyn.optimal.curves.solve import Solved, solve_curve
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.within_limits import can_be_slowed, constraints_mended, follow, least_factor

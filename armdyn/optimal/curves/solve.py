@@ -12,8 +12,7 @@ from armdyn.arrays import Array, Flags, Index
 from armdyn.codegen.background import arrived
 from armdyn.locks import forget
 from armdyn.optimal.constraints.rows import StageRows
-from armdyn.optimal.curves.basis import Basis, graded
-from armdyn.optimal.curves.curve import Curve
+from armdyn.optimal.curves.curve import Basis, Curve, graded
 from armdyn.optimal.curves.curve_program import CurveCost, CurveProgram, OtherRows, TorquePrices, quadratic_form
 from armdyn.optimal.curves.equations import POINTS
 from armdyn.optimal.curves.linear_rows import DerivativeRows, TorqueRows, clearance_rows

@@ -9,8 +9,7 @@ import armdyn as ad
 from armdyn.models.scene.obstacles import Box
 from armdyn.optimal.constraints.clearance import ClearanceConstraint
 from armdyn.optimal.constraints.registry import TightenedConstraints
-from armdyn.optimal.curves.basis import Basis, graded
-from armdyn.optimal.curves.curve import Curve
+from armdyn.optimal.curves.curve import Basis, Curve, graded
 from armdyn.optimal.curves.linear_rows import clearance_rows
 from armdyn.optimal.curves.nlp_data import curve_layout
 from armdyn.optimal.problem.policy.policy import Policy

@@ -7,8 +7,7 @@ import scipy.sparse as sp
 
 import armdyn as ad
 from armdyn.optimal.constraints.registry import TightenedConstraints
-from armdyn.optimal.curves.basis import Basis, graded
-from armdyn.optimal.curves.curve import Curve
+from armdyn.optimal.curves.curve import Basis, Curve, graded
 from armdyn.optimal.curves.nlp_data import CurveSpec, assemble_curve, curve_layout, rows_of
 from armdyn.optimal.curves.program import build
 from armdyn.optimal.curves.solve import curve_cost, curve_program, solve_curve

@@ -7,8 +7,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.constraints.registry import TightenedConstraints
-from armdyn.optimal.curves.basis import Basis, graded
-from armdyn.optimal.curves.curve import Curve
+from armdyn.optimal.curves.curve import Basis, Curve, graded
 from armdyn.optimal.curves.equations import POINTS
 from armdyn.optimal.curves.excess import excesses_of, larger_margin
 from armdyn.optimal.curves.nlp_data import CurveSpec, TorqueMargin

@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import armdyn as ad
-from armdyn.optimal.curves.basis import Basis, graded
-from armdyn.optimal.curves.curve import Curve
+from armdyn.optimal.curves.curve import Basis, Curve, graded
 from armdyn.optimal.curves.refinement import sampled
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.rollout import replay_torques, ticked
