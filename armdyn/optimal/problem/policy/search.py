@@ -194,7 +194,6 @@ class GoalPolicy:
         1.05, "of the best coarse duration", "goals with larger bounds by velocity limits are not tried", "UR5"
     )
     tried: float = tuned(1 / 3, "of the time limit", "for coarse solves of all goals, at most", UNRECORDED)
-    slid: int = tuned(4, "goals", "kept of those optimised by velocity limits", "UR5, Panda: positions")
     slides: int = tuned(25, "linear programs", "for each goal, at most", "UR5, Panda: positions")
     largest_step: float = tuned(
         0.5,
@@ -211,14 +210,18 @@ class GoalPolicy:
     others: float = tuned(
         1e-3, "-", "weight of all joints' times against the slowest's: the other joints stay near", "UR5, Panda"
     )
-    distinct: float = tuned(
-        0.05,
-        "rad or m",
-        "goals of which no joint differs by more are one; first step of an end that descends",
-        "UR5, Panda",
-    )
     end_solves: int = tuned(8, "solves", "of an end that descends along its pose: RRR needs two to six")
     bound: float = tuned(0.1, "of the time limit", "for the bound of all goals, at least", UNRECORDED)
+
+    @property
+    def slid(self) -> int:
+        """Number of goals that are kept of those optimised by velocity limits: twice those that are solved."""
+        return 2 * self.solved
+
+    @property
+    def distinct(self) -> float:
+        """Largest difference of a joint within which goals are one, and first step of an end that descends."""
+        return self.largest_step / 10
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -234,8 +237,12 @@ class SamePolicy:
         "distance of two optima of the same duration, on the same mesh or different ones",
         "RRR, random",
     )
-    mesh: float = tuned(5e-4, "-", "from different guesses on one mesh")
     resolved: float = tuned(1e-6, "-", "resolved to arcs")
+
+    @property
+    def mesh(self) -> float:
+        """From different guesses on one mesh: a finer one's errors are a quarter at most."""
+        return self.coarse / 4
 
 
 @dataclass(frozen=True, kw_only=True)
