@@ -43,7 +43,7 @@ def run(*arguments):
 def test_the_policy_of_a_robot():
     small, large = run("rr", "--policy"), run("panda", "--policy")
     assert small.keys() == large.keys()
-    assert (small["strategy.methods"], large["strategy.methods"]) == ("('arcs',)", "('curves',)")
+    assert (small["strategy.methods"], large["strategy.methods"]) == ("('mesh',)", "('curves',)")
     assert small["search.starts"] == 32
     assert run("--policy") == small  # of the arm that the installation is tried with
 
