@@ -102,7 +102,7 @@ SINGULAR = [
 def test_strong_motors_have_singular_arcs(name, goal, duration):
     solution = solve(problem_of(name, goal))
     assert_optimal(solution)
-    assert solution.certificate.singular
+    assert any(arc.singular for arc in solution.arcs)
     # The resolved mesh follows torques between the limits to 1e-6.
     assert solution.duration == pytest.approx(duration, rel=1e-6)
     i = motor_of(solution.problem)

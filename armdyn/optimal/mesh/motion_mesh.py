@@ -105,8 +105,8 @@ class _Meshes:
 
     def sharp(self, rough: Attempt) -> Attempt:
         """Solve on the mesh of a rough solution; the rough one without convergence or budget."""
-        if not self.affordable(rough.mesh) or self.task.stop:
-            return rough
+        if not self.affordable(rough.mesh) or self.task.stop or self.task.problem.pays_effort:
+            return rough  # IPOPT's needs no second solve
         found = self._once(self._within(MeshMargins()), rough.trajectory, rough.mesh, self._settings(), self.tie)
         return found if found.usable else rough
 
@@ -337,7 +337,8 @@ def _divided_until_certified(meshes: _Meshes, mesh: Attempt) -> Optimum | None:
         if divided is None or found is None or found.saving > max(best.saving, OPTIMALITY_TOLERANCE):
             break
         mesh, best = divided, found
-    if best.optimum.certificate.ok and best.saving > OPTIMALITY_TOLERANCE / 5:
+    early = not task.problem.pays_effort and best.saving > OPTIMALITY_TOLERANCE / 5
+    if best.optimum.certificate.ok and early:
         best = _settled(meshes, mesh, best)
     return _within_margins(meshes, mesh, best.optimum)
 
