@@ -15,7 +15,7 @@ from armdyn.arrays import Array
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.mesh.candidates import SearchResult, find
 from armdyn.optimal.mesh.direct import Attempt, solve_on_mesh
-from armdyn.optimal.mesh.motion_mesh import ResolvedMotions, finer_knots, mesh_optimum, on_finer_meshes
+from armdyn.optimal.mesh.motion_mesh import MeshWork, finer_knots, mesh_optimum, on_finer_meshes
 from armdyn.optimal.mesh.multistart import distinct
 from armdyn.optimal.mesh.shooting import replay_on_goal
 from armdyn.optimal.polish.polish import polished
@@ -50,15 +50,15 @@ def mesh(task: Task, rough: Callable[[Task], Sequence[Trajectory]]) -> tuple[lis
 def _best_first(task: Task, attempts: Sequence[Attempt]) -> tuple[list[Optimum], bool]:
     """The optima near solutions, best first, until the others cost more; and whether the budget is spent."""
     numbers, limited = task.policy.refinement, bool(task.problem.path_constraint_names)
-    # In sequence they share resolved motions: most of the work with active velocity limits.
+    # In sequence they share motions: most of the work with active velocity limits.
     alone = bool(np.any(np.isfinite(task.problem.limits.velocity)))
-    shared = ResolvedMotions(task.policy.motion_mesh) if alone else None
+    shared = MeshWork(task.policy.motion_mesh) if alone else None
     optima, cutoff = list[Optimum](), np.inf
     task.progress(f"optimum 1 of {len(attempts)}, about {attempts[0].trajectory.duration:.4f} s")
     jobs = [
         partial(_keeping_constraints, task, one)
         if limited
-        else partial(_optimum, task, one, shared or ResolvedMotions(task.policy.motion_mesh))
+        else partial(_optimum, task, one, shared or MeshWork(task.policy.motion_mesh))
         for one in attempts
     ]
     for k, optimum in enumerate(in_processes(jobs, 1 if alone else task.workers, first_here=True)):
@@ -78,7 +78,7 @@ def _best_first(task: Task, attempts: Sequence[Attempt]) -> tuple[list[Optimum],
     return optima, shared is not None and shared.spent
 
 
-def _optimum(task: Task, attempt: Attempt, resolved: ResolvedMotions) -> Optimum:
+def _optimum(task: Task, attempt: Attempt, work: MeshWork) -> Optimum:
     """Best motion near a mesh's solution: its bang arcs, else the resolved mesh's motion or its bang arcs."""
     if not attempt.usable:
         last, why = attempt.trajectory, f"did not converge on {attempt.intervals} intervals ({attempt.message})"
@@ -91,7 +91,7 @@ def _optimum(task: Task, attempt: Attempt, resolved: ResolvedMotions) -> Optimum
     exact = partial(_exact, task, set())
     if (found := exact(attempt)) is not None:
         return found
-    motion = mesh_optimum(task, attempt, resolved, exact)
+    motion = mesh_optimum(task, attempt, work, exact)
     if motion is not None and motion.phases is not None:
         return motion
     if motion is None or not motion.within_limits:

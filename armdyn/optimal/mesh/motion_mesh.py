@@ -31,8 +31,8 @@ from armdyn.reprs import percent
 from armdyn.trajectory import Trajectory
 
 
-class ResolvedMotions:
-    """Cache of resolved meshes of one problem: similar solutions are resolved once.
+class MeshWork:
+    """Budget of meshes of one problem, and their motions so far: similar solutions are solved once.
 
     Attributes:
         left: intervals times iterations left in the budget, the same on every machine.
@@ -80,12 +80,12 @@ class _Meshes:
 
     Attributes:
         task: the problem and its settings.
-        resolved: cache of resolved motions, with the budget.
+        work: budget of the problem, and its motions so far.
         tie: index of the tie of the last solution.
     """
 
-    def __init__(self, task: Task, resolved: ResolvedMotions) -> None:
-        self.task, self.resolved, self.tie = task, resolved, 0
+    def __init__(self, task: Task, work: MeshWork) -> None:
+        self.task, self.work, self.tie = task, work, 0
 
     def finer(self, attempt: Attempt) -> Iterator[Attempt]:
         """Rough solutions of one optimum on successively finer meshes."""
@@ -98,15 +98,15 @@ class _Meshes:
 
         def finer(one: Attempt) -> Array:
             knots = finer_knots(within, one, numbers)
-            return knots if self.affordable(knots, self.resolved.reserve) else one.mesh
+            return knots if self.affordable(knots, self.work.reserve) else one.mesh
 
         first = finer(attempt) if self.task.scheme.control == "linear" else mesh(numbers.intervals)
         yield from on_finer_meshes(self.task, attempt, first, numbers, solve, finer)
 
     def sharp(self, rough: Attempt) -> Attempt:
         """Solve on the mesh of a rough solution; the rough one without convergence or budget."""
-        if not self.affordable(rough.mesh) or self.task.stop or self.task.problem.pays_effort:
-            return rough  # IPOPT's needs no second solve
+        if not self.affordable(rough.mesh) or self.task.stop:
+            return rough
         found = self._once(self._within(MeshMargins()), rough.trajectory, rough.mesh, self._settings(), self.tie)
         return found if found.usable else rough
 
@@ -126,7 +126,7 @@ class _Meshes:
 
     def affordable(self, knots: Array, spare: float = 0) -> bool:
         """Whether the budget left is more than a mesh needs."""
-        return self.resolved.left - spare >= self.task.policy.motion_mesh.fewest * (knots.size - 1)
+        return self.work.left - spare >= self.task.policy.motion_mesh.fewest * (knots.size - 1)
 
     def _settings(self, rough: bool = False) -> SolverSettings:
         """Settings from a near solution: of the last meshes, or of the rough ones before."""
@@ -151,7 +151,7 @@ class _Meshes:
             found.usable
             or self.task.stop
             or tie + 1 == len(numbers.ties)
-            or not self.affordable(knots, self.resolved.reserve)
+            or not self.affordable(knots, self.work.reserve)
         ):
             return found
         near = found.trajectory if found.status is Status.ITERATION_LIMIT else guess
@@ -160,11 +160,11 @@ class _Meshes:
     def _once(self, task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, tie: int) -> Attempt:
         """Result of one solve on a mesh."""
         numbers, size = self.task.policy.motion_mesh, knots.size - 1
-        granted = max(numbers.fewest, int(max(self.resolved.left, 0) // size))
+        granted = max(numbers.fewest, int(max(self.work.left, 0) // size))
         most = min(settings.max_iterations, granted)
         weight = 0.0 if task.problem.pays_effort else numbers.ties[tie]
         found = solve_on_knots(task, guess, knots, replace(settings, max_iterations=most), weight)
-        self.resolved.left -= found.iterations * size
+        self.work.left -= found.iterations * size
         return found
 
     def _within(self, margins: MeshMargins) -> Task:
@@ -279,33 +279,33 @@ def _in_parts(knots: Array, counts: Index) -> Array:
 
 
 def mesh_optimum(
-    task: Task, attempt: Attempt, resolved: ResolvedMotions, exact: Callable[[Attempt], Optimum | None]
+    task: Task, attempt: Attempt, work: MeshWork, exact: Callable[[Attempt], Optimum | None]
 ) -> Optimum | None:
     """Resolved motion of a mesh, landed by multiple shooting, with the bound on its first-order saving.
 
     Args:
         task: the problem and its settings.
         attempt: a solution near the motion.
-        resolved: cache of the problem's resolved motions, extended here.
+        work: budget of the problem, and its motions so far; extended here.
         exact: maps a solution on a mesh to the exact motion near it, if there is one.
 
     Returns:
         The exact motion, or the mesh's; None if no mesh converges, the motion does not land, or a usable one is much
         faster.
     """
-    meshes, tried, best = _Meshes(task, resolved), list[Attempt](), None
+    meshes, tried, best = _Meshes(task, work), list[Attempt](), None
     for rough in meshes.finer(attempt):
         tried.append(rough)
-        if (known := resolved.like(tried, task.policy.same)) is not None:
+        if (known := work.like(tried, task.policy.same)) is not None:
             return known[0]
-        if len(tried) > 1 and resolved.beats(rough):
+        if len(tried) > 1 and work.beats(rough):
             break
         if len(tried) > 1 and (best := exact(rough)) is not None:
             break
     else:
         sharp = meshes.sharp(tried[-1]) if tried else None
         best = None if sharp is None else exact(sharp) or _divided_until_certified(meshes, sharp)
-    resolved.add(tried, best)
+    work.add(tried, best)
     return best
 
 
@@ -358,7 +358,7 @@ def _within_margins(meshes: _Meshes, mesh: Attempt, optimum: Optimum) -> Optimum
     An unstable motion can be repeated only under feedback, for which torques on their limits leave no range.
     """
     task, margins, last = meshes.task, MeshMargins(), optimum
-    if meshes.resolved.usable_by(optimum.cost):
+    if meshes.work.usable_by(optimum.cost):
         return optimum
     for kept in task.policy.motion_mesh.kept:
         if last.usable:
