@@ -326,17 +326,19 @@ class _Judged:
 
 def _divided_until_certified(meshes: _Meshes, mesh: Attempt) -> Optimum | None:
     """Best motion of a mesh, divided repeatedly until certified; None if none reaches the goal."""
-    task, best, numbers = meshes.task, _judged(meshes.task, mesh), meshes.task.policy.motion_mesh
+    task, most = meshes.task, meshes.task.policy.motion_mesh.further_meshes
+    best = _judged(task, mesh, by_limits=True)
     if best is None:
         return None
-    for k in range(numbers.further_meshes):
+    for k in range(most):
         velocity, position = excess(task, best.optimum)
         margins = MeshMargins(velocity if k else 0.0, position)  # shorter intervals: smaller excess
         divided = meshes.divided(mesh, best.to_divide, margins)
-        found = None if divided is None else _judged(task, divided)
+        found = None if divided is None else _judged(task, divided, by_limits=k + 1 < most)
         if divided is None or found is None or found.saving > max(best.saving, OPTIMALITY_TOLERANCE):
             break
         mesh, best = divided, found
+    best = best if np.isfinite(best.saving) else _judged(task, mesh) or best
     early = not task.problem.pays_effort and best.saving > OPTIMALITY_TOLERANCE / 5
     if best.optimum.certificate.ok and early:
         best = _settled(meshes, mesh, best)
@@ -372,8 +374,14 @@ def _within_margins(meshes: _Meshes, mesh: Attempt, optimum: Optimum) -> Optimum
     return last if last.usable else optimum
 
 
-def _judged(task: Task, attempt: Attempt) -> _Judged | None:
-    """Motion of a mesh, corrected to reach the goal, with its certificate; None if it does not reach the goal."""
+def _judged(task: Task, attempt: Attempt, by_limits: bool = False) -> _Judged | None:
+    """Motion of a mesh, corrected to reach the goal, with its certificate; None if it does not reach the goal.
+
+    Args:
+        task: the problem and its settings.
+        attempt: solution on the mesh.
+        by_limits: whether a motion that exceeds a limit is judged by that alone.
+    """
     problem, motion = task.problem, landed(task, attempt)
     if motion is None:
         return None
@@ -382,8 +390,11 @@ def _judged(task: Task, attempt: Attempt) -> _Judged | None:
     found = Optimum.of(problem, replay, len(motion.tau))
     if not found.certificate.on_goal:  # unstable beyond rounding: `repeated` checks its segments
         replay, found = shot, Optimum.of(problem, shot, len(motion.tau))
+    to_divide = _beyond_limits(task, motion, replay)
+    if by_limits and np.any(to_divide):
+        return _Judged(found, np.inf, to_divide)
     costates = mesh_costates(problem, motion, replay, task.policy)
-    to_divide = _intervals_to_divide(task, motion, replay, costates)
+    to_divide = _with_most_saving(task, motion, to_divide, costates)
     certificate, saving = found.certificate, np.inf if costates is None else costates.saving
     if costates is not None and saving > OPTIMALITY_TOLERANCE:
         most, enough = percent(saving), percent(OPTIMALITY_TOLERANCE)
@@ -397,17 +408,29 @@ def _judged(task: Task, attempt: Attempt) -> _Judged | None:
     return _Judged(replace(found, certificate=certificate, costates=known), saving, to_divide)
 
 
-def _intervals_to_divide(task: Task, motion: Shooting, replay: Trajectory, costates: MeshCostates | None) -> Flags:
-    """Intervals to divide of a nearly certified motion: those with most of the saving, or beyond a limit."""
-    numbers, to_divide = task.policy.motion_mesh, np.zeros(len(motion.tau), bool)
-    beyond = excesses(task.problem.limits, replay)
-    if costates is None or max(costates.saving, *(one.share for one in beyond)) > 4 * OPTIMALITY_TOLERANCE:
-        return to_divide
-    if costates.saving > OPTIMALITY_TOLERANCE:
-        order = np.argsort(costates.missed)[::-1]
-        left = costates.saving - np.cumsum(costates.missed[order])
-        to_divide[order[: 1 + np.searchsorted(-left, -OPTIMALITY_TOLERANCE / numbers.parts)]] = True
+def _beyond_limits(task: Task, motion: Shooting, replay: Trajectory) -> Flags:
+    """Intervals in which a motion is slightly beyond a limit of the state or the torque, shape (K,)."""
+    flags, beyond = np.zeros(len(motion.tau), bool), excesses(task.problem.limits, replay)
+    if max(one.share for one in beyond) > 4 * OPTIMALITY_TOLERANCE:
+        return flags
     for one in beyond:
         at = one.t[np.any(one.beyond > LIMIT_TOLERANCE * one.size, axis=1)]
-        to_divide[np.clip(np.searchsorted(motion.t, at, side="right") - 1, 0, to_divide.size - 1)] = True
-    return np.asarray(to_divide & (np.diff(motion.t) > numbers.least * motion.t[-1]))
+        flags[np.clip(np.searchsorted(motion.t, at, side="right") - 1, 0, flags.size - 1)] = True
+    return _long_enough(task, motion, flags)
+
+
+def _with_most_saving(task: Task, motion: Shooting, flags: Flags, costates: MeshCostates | None) -> Flags:
+    """The flags, and those intervals of a nearly certified motion that have most of the saving; else none."""
+    if costates is None or costates.saving > 4 * OPTIMALITY_TOLERANCE:
+        return np.zeros_like(flags)
+    if costates.saving <= OPTIMALITY_TOLERANCE:
+        return flags
+    order, more = np.argsort(costates.missed)[::-1], flags.copy()
+    left = costates.saving - np.cumsum(costates.missed[order])
+    more[order[: 1 + np.searchsorted(-left, -OPTIMALITY_TOLERANCE / task.policy.motion_mesh.parts)]] = True
+    return _long_enough(task, motion, more)
+
+
+def _long_enough(task: Task, motion: Shooting, flags: Flags) -> Flags:
+    """Flags of intervals that may be divided."""
+    return np.asarray(flags & (np.diff(motion.t) > task.policy.motion_mesh.least * motion.t[-1]))

@@ -78,14 +78,14 @@ def gaps(robot: Robot, motion: Shooting, steps: int) -> tuple[Array, Array, Arra
     Args:
         robot: the robot.
         motion: motion on a mesh.
-        steps: least number of steps of the whole motion; every interval has at least two.
+        steps: least number of steps of the whole motion; at least one in every interval.
 
     Returns:
         Gaps, shape (K, 2 nv); their derivatives with respect to the interval's first state, shape (K, 2 nv, 2 nv), a
         change of its torque, shape (K, 2 nv, nv), and the scale of the motion's time, shape (K, 2 nv).
     """
     h, n, size = np.diff(motion.t), robot.nv, motion.size
-    end, by_state, by_torque = gauss_steps(robot)(h, motion.x[:-1], motion.tau, max(2, -(-steps // h.size)))
+    end, by_state, by_torque = gauss_steps(robot)(h, motion.x[:-1], motion.tau, max(1, -(-steps // h.size)))
     rate = np.concatenate([end[:, n:], forward_dynamics(robot)(end[:, :n], end[:, n:], motion.tau[:, 1])], axis=1)
     return (
         (end - motion.x[1:]) / size,

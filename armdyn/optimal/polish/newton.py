@@ -122,11 +122,11 @@ def fastest(motion: BangMotion, stop: Stop) -> tuple[BangMotion, Array | None]:
         The motion, and None if it is the fastest. Else the last one, and the lengths of the arcs that Newton's method
         proposed, shape (K,); without arcs of negative length there, it failed.
     """
-    numbers, before, settled = motion.shooting.policy.polish, np.inf, False
-    for _ in range(numbers.rounds):
+    policy, before, settled = motion.shooting.policy, np.inf, False
+    for _ in range(policy.polish.rounds):
         gap, stationary = motion.errors
-        settled = gap <= numbers.closed and stationary <= OPTIMALITY_TOLERANCE / 100
-        if stop or (settled and (gap <= numbers.closed / 1000 or gap > before / 2)):
+        settled = gap <= policy.shooting.closed and stationary <= OPTIMALITY_TOLERANCE / 100
+        if stop or (settled and (gap <= policy.shooting.closed / 100 or gap > before / 2)):
             break
         before = gap
         if (found := _step(motion)) is None:
@@ -151,13 +151,16 @@ def _step(motion: BangMotion) -> tuple[Array, Array] | None:
         return None
     basis, upper = np.linalg.qr(jacobian.T, mode="complete")
     own, null, upper = basis[:, :size], basis[:, size:], upper[:size]
-    if np.min(np.abs(np.diag(upper))) <= motion.shooting.policy.polish.closed / 1000:
+    small = motion.shooting.policy.shooting.closed
+    if np.min(np.abs(np.diag(upper))) <= small / 100:
         return None
     change = own @ np.linalg.solve(upper.T, -motion.gaps.ravel())
     if null.size:
         curvature, axes = np.linalg.eigh(null.T @ hessian @ null)
         slope = axes.T @ (null.T @ (gradient + hessian @ change))
-        change = change - null @ (axes @ (slope / np.maximum(np.abs(curvature), motion.shooting.policy.polish.closed)))
+        change = change - null @ (
+            axes @ (slope / np.maximum(np.abs(curvature), motion.shooting.policy.shooting.closed))
+        )
     costate = np.linalg.solve(upper, -own.T @ (gradient + hessian @ change))
     return change, costate.reshape(motion.x.shape)
 

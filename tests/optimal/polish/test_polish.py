@@ -60,7 +60,12 @@ def solved_with(problem):
 
 
 @pytest.mark.parametrize(
-    "solution", [lambda: solved("rr"), pytest.param(lambda: random_solution(15), marks=pytest.mark.slow)]
+    "solution",
+    [
+        lambda: solved("rr"),
+        pytest.param(lambda: random_solution(6), marks=pytest.mark.slow),
+        pytest.param(lambda: random_solution(12), marks=pytest.mark.slow),
+    ],
 )
 def test_shooting_of_the_canonical_system_agrees(solution):
     # Root finding of the paper's second approach, with costates as unknowns; it starts from the polished ones.

@@ -17,15 +17,9 @@ class PolishPolicy:
     steps: int = tuned(8, "steps", "of order six in a segment: states are then right to 1e-9")
     difference: float = tuned(1e-4, "of a joint's way or speed", "step of differences: rounding equals truncation")
     rounds: int = tuned(
-        12, "steps", "of Newton's method; most take three to eight; also of the goal, by the replay's miss"
+        20, "steps", "of Newton's method; most take three to eight; also of the goal, by the replay's miss"
     )
     halves: int = tuned(8, "halvings", "of a step")
     structures: int = tuned(3, "structures", "of one motion: switches that meet vanish")
-    closed: float = tuned(
-        1e-9,
-        "of a joint's way or speed",
-        "gap that counts as closed where steps no longer halve it; a thousandth is rounding, and it is the least "
-        "curvature of the duration",
-    )
     near: float = tuned(1e-4, "of a joint's way, or of a velocity limit", "distance from a limit that is a touch")
     most: int = tuned(40, "switches", "of one motion: more are a torque between its limits, which chatters on a mesh")
