@@ -213,7 +213,7 @@ class PathConstraint(PathConstraintSpec, ABC):
             order: see `ConstraintReport`.
         """
         name = name or self.name
-        if share <= 1 + self.policy.rate_tolerance:
+        if share <= 1 + self.policy.tolerance:
             return ConstraintReport(name, words, share, order=order)
         return ConstraintReport(name, words, share, (reason,), Violation(*worst, share - 1), order=order)
 

@@ -162,7 +162,7 @@ class ViaPoints(PathConstraint):
         for i, (via, time) in enumerate(zip(problem.via, passing, strict=True)):
             if isinstance(via, GoalPose):
                 error, time, which = _nearest_deviation(problem, motion, via, float(time))
-                enough, unit = self.policy.region_excess, "rad" if which.startswith("r") else "m"
+                enough, unit = self.policy.tolerance, "rad" if which.startswith("r") else "m"
                 miss = f"{error:.2g} {unit} outside the region of via[{i}], in {which}"
             else:
                 distance = np.abs(motion(time).q - np.asarray(via))
@@ -183,7 +183,7 @@ class ViaPoints(PathConstraint):
         parts = list(self.parts or np.ones(len(problem.via)))
         for i, region in problem.via_regions.items():
             given = region.deviations[(region.deviations > 0) & np.isfinite(region.deviations)]
-            if report.missed[i] > self.policy.region_excess and given.size:
+            if report.missed[i] > self.policy.tolerance and given.size:
                 parts[i] = max(parts[i] - 2 * float(report.missed[i]) / float(np.min(given)), 0.0)
         return replace(self, parts=tuple(parts))
 
@@ -261,7 +261,7 @@ class FrameRegion(PartialLimit):
             if k - 1 in problem.via_regions:
                 continue
             over = np.abs(deviations_of(problem.robot, self.region, problem.poses[k])) - self.region.deviations
-            if np.max(over) > self.policy.region_excess:
+            if np.max(over) > self.policy.tolerance:
                 name = "start" if k == 0 else "goal" if k == legs else f"via[{k - 1}]"
                 raise ProblemError(
                     f"the {name} is {np.max(over):.3g} {'m' if np.argmax(over) < 3 else 'rad'} outside of FrameRegion "
@@ -291,7 +291,7 @@ class FrameRegion(PartialLimit):
         reasons = []
         if angle > _TURN[self.region.axis is not None]:
             reasons.append(f"frame {self.region.frame!r} turns by {angle:.3g} rad, too far for a proof between samples")
-        if share > 1 + self.policy.rate_tolerance:
+        if share > 1 + self.policy.tolerance:
             reasons.append(f"frame {self.region.frame!r} leaves its region: {words}")
         worst = Violation("frame region", self.region.frame, float(times[k]), share - 1) if reasons else None
         return ConstraintReport(name, words, share, tuple(reasons), worst)

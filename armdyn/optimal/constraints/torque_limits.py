@@ -99,7 +99,7 @@ class TorqueRateLimit(PathConstraint):
         k, i = np.unravel_index(np.argmax(rates), rates.shape)
         names, reasons, worst = problem.robot.joint_names, [], list[Violation]()
         joint = names[i]
-        if share > 1 + self.policy.rate_tolerance:
+        if share > 1 + self.policy.tolerance:
             worst.append(Violation("torque-rate limit", joint, float(motion.t[k]), share - 1))
             reasons.append(f"the torque of joint {joint!r} changes {share:.4g} times as fast as its limit allows")
         states = problem.x_start, problem.x_goal
@@ -107,7 +107,7 @@ class TorqueRateLimit(PathConstraint):
         for x, t, tau, end in ends:
             hold, free = self._held(problem, x)
             jump = np.where(free > 0, 0, np.abs(tau - hold)) / problem.limits.actuators.scale
-            if np.max(jump) > self.policy.rate_tolerance:
+            if np.max(jump) > self.policy.tolerance:
                 worst.append(
                     Violation("jump of the torque", names[int(np.argmax(jump))], float(t), float(np.max(jump)))
                 )

@@ -27,7 +27,11 @@ class PathConstraintPolicy:
 
     rounds: int = tuned(12, "rounds", "of meshes solved again", "RR, RRR: torque rates, dry friction; Panda: a post")
     near: float = tuned(1e-4, "rad or m", "of via points and goal: a further round gains too little", "RR, Panda")
-    region_excess: float = tuned(1e-6, "m or rad", "largest deviation outside a region: the tolerance of all limits")
+    tolerance: float = tuned(
+        1e-6,
+        "of a limit, m or rad",
+        "largest excess of acceleration, jerk and frame speed, or outside a region: of all",
+    )
     region_part: float = tuned(
         0.97, "of a tolerance", "in the first program; the rest: deviations between knots", "Panda, UR5"
     )
@@ -36,9 +40,6 @@ class PathConstraintPolicy:
     )
     least_region: float = tuned(0.5, "of a tolerance", "in a program, at least", "Panda, UR5")
     settled: float = tuned(2e-4, "of the duration", "gain by a divided mesh that ends its refinement", "RR, RRR")
-    rate_tolerance: float = tuned(
-        1e-6, "of a limit", "largest excess of acceleration, jerk and frame speed", "by definition"
-    )
     rate_tightening: float = tuned(
         1e-5, "of a limit", "further tightening where the limits are tightened by the replay's excess", "UR5"
     )

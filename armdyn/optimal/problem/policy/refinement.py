@@ -8,7 +8,7 @@ from armdyn.optimal.problem.policy.tuned import LARGE, PLANAR, tuned
 
 @dataclass(frozen=True, kw_only=True)
 class RefinementPolicy:
-    """Tuned numbers of the refinement of a mesh's optimum to arcs."""
+    """Tuned numbers of the choice among optima, and of motions that are slowed down."""
 
     cases: ClassVar = PLANAR
 
