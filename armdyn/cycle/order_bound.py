@@ -11,9 +11,8 @@ import numpy as np
 
 from armdyn.cycle.graph import Arc, CycleGraph
 from armdyn.models.scene.reaching import GoalPose
-from armdyn.optimal.bound.covers import covers
-from armdyn.optimal.bound.effort import Effort, Stopped
-from armdyn.optimal.bound.lattice import Lattice, Region
+from armdyn.optimal.bound.chain import covers
+from armdyn.optimal.bound.lattice import Effort, Lattice, Region, Stopped
 from armdyn.optimal.bound.leg import BoundLeg, legs_of
 from armdyn.optimal.problem.policy.bound import BoundPolicy
 

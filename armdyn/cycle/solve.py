@@ -20,7 +20,7 @@ from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.answer.assembly import ended_by_time
 from armdyn.optimal.answer.solution import Solution, kinematic
 from armdyn.optimal.bound.chain import chain_bound
-from armdyn.optimal.bound.effort import Effort
+from armdyn.optimal.bound.lattice import Effort
 from armdyn.optimal.bound.lower_bound import least_duration
 from armdyn.optimal.minimum_time import solve_task
 from armdyn.optimal.problem.options import MinimumTimeOptions

@@ -10,7 +10,7 @@ import armdyn as ad
 from armdyn.cycle.graph import CycleGraph
 from armdyn.cycle.order_bound import order_bound
 from armdyn.models.scene.reaching import poses_reaching
-from armdyn.optimal.bound.effort import Effort
+from armdyn.optimal.bound.lattice import Effort
 from problems import paper_arm
 
 START = np.array([0.1, 0.4])

@@ -1,4 +1,12 @@
-"""Lower bounds of one leg: by itself, and through regions and along lines."""
+"""Lower bounds of one leg: by itself, and through regions and along lines.
+
+All joint positions along a line from a known end are enclosed by a tube. The line is divided into slices. A box around
+the joint positions of a slice, with a wide margin, is narrowed by the
+equations of line and slice. If the result lies inside the box, no motion leaves the box within the slice: at the box's
+face the frame would be off the line. The parts of two adjacent boxes in the plane between the slices lie in each
+other's box, so that a motion that begins in one of the boxes is in the box of its frame's slice, as long as it does not
+leave the slices.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -7,16 +15,14 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 
-from armdyn.arguments import StopCondition
-from armdyn.models.scene.reaching import GoalPose
-from armdyn.optimal.bound.cells import Cells, Phase
-from armdyn.optimal.bound.goal_set import GoalSet, Within
-from armdyn.optimal.bound.interval import Interval, joined, sum_down, up
-from armdyn.optimal.bound.leg import BoundLeg, LegEnd
-from armdyn.optimal.bound.proof import proven
-from armdyn.optimal.bound.reach import reached
-from armdyn.optimal.bound.region import BoundRegion, tube
-from armdyn.optimal.bound.relaxation import relaxed, relaxed_in_phases
+from armdyn.arguments import StopCondition, expect
+from armdyn.arrays import Array
+from armdyn.models.scene.reaching import GoalPose, slid
+from armdyn.optimal.bound.cells import Cells, Phase, reached
+from armdyn.optimal.bound.enclosure import OVERLAP, Interval, joined, sum_down, up
+from armdyn.optimal.bound.frame_sets import BoundRegion, GoalSet, Within
+from armdyn.optimal.bound.leg import BoundLeg, LegEnd, least_time
+from armdyn.optimal.bound.proof import proven, relaxed
 
 
 def leg_bound(leg: BoundLeg, stop: StopCondition, known: float = 0.0) -> tuple[float, int]:
@@ -51,14 +57,15 @@ def _on_grid(leg: BoundLeg, known: float, joint: int, longest: float, stop: Stop
             break
         forces = cells.forces(leg)
         if done:  # the first boxes are too wide for a useful program
-            by = relaxed(leg, cells, forces, known)
+            ends = cells.ends(leg)
+            by = relaxed(leg, cells, forces, ends, known)
             if by is None:
                 break
-            before, bound = known, min(proven(leg, cells, forces, cells.ends(leg), by), longest)
+            before, bound = known, min(proven(leg, cells, forces, ends, by), longest)
             if bound > known:
                 known, joint = bound, int(np.argmax(by.way[0] * leg.away.centre))
             half, ramp = float(np.sum(cells.side)), by.ramp(leg, cells)
-            full = not cut and ramp > numbers.full * half
+            full = not cut and ramp > 0
             if 0 < ramp * numbers.cut_side < half and not cut:
                 cells, cut = cells.cut(leg, ramp * numbers.cut_side), True
                 continue
@@ -86,7 +93,7 @@ def phased_bound(leg: BoundLeg, phases: Sequence[Phase], known: float, longest: 
     if cells is None:
         return longest
     forces, ends = cells.forces(leg), cells.ends(leg)
-    by = None if stop() else relaxed_in_phases(leg, cells, forces, ends, known)
+    by = None if stop() else relaxed(leg, cells, forces, ends, known)
     return known if by is None else max(known, min(proven(leg, cells, forces, ends, by), longest))
 
 
@@ -116,13 +123,13 @@ def passing_bound(
         longest: duration up to which motions are covered [s], an upper limit of the bound.
         stop: stopping condition, polled regularly; once true, the bound so far is returned.
     """
-    numbers, begun, longest = leg.policy, known, min(longest, (1 + leg.policy.passing_horizon) * known)
+    numbers, begun, longest = leg.policy, known, min(longest, (1 + leg.policy.horizon / 2) * known)
     phases = _phases(leg, passage, longest, stop)
     if phases is None:
         return longest, longest == begun
     known = max(known, min(sum_down([phase.least for phase in phases]), longest))
     near = min(longest, (1 + numbers.region_horizon) * known)
-    for _ in range(numbers.region_grids):
+    for _ in range(numbers.passes):
         before, known = known, max(known, phased_bound(leg, phases, known, near, stop))
         if stop() or known == longest or (known < near and known < before * (1 + numbers.regrid)):
             break
@@ -175,7 +182,7 @@ def _alone(leg: BoundLeg, phase: Phase, event: _Event, first: bool, longest: flo
     numbers = leg.policy
     known, _ = leg_bound(replace(leg, policy=numbers.between_wide), stop)
     known = max(known, phase.least)
-    for _ in range(numbers.phase_grids):
+    for _ in range(2 * numbers.passes):  # each covers motions that are a little longer
         if stop() or known == 0 or known >= longest:
             break
         before, most = known, min((1 + numbers.phase_horizon) * known, longest)
@@ -188,7 +195,7 @@ def _alone(leg: BoundLeg, phase: Phase, event: _Event, first: bool, longest: flo
         passed = event.region.end(near[0])
         one = replace(leg, goal=passed) if first else replace(leg, start=passed)
         known = phased_bound(one, [replace(phase, least=known, goal=None)], known, most, stop)
-        if known < before * (1 + numbers.phase_least_gain):
+        if known < before * (1 + numbers.least_horizon):
             break
     return known
 
@@ -241,7 +248,7 @@ def _enclosed(leg: BoundLeg, region: BoundRegion, longest: float, stop: StopCond
     goals, box = GoalSet(leg.dynamics, region.goal, within, leg.policy), within.box
     boxes = None if np.any(leg.start.q.radius) or np.any(leg.goal.q.radius) else goals.whole
     if boxes is not None:
-        for size in leg.policy.region_sizes:
+        for size in leg.policy.cover:
             boxes = goals.enclosed(boxes, size, stop)
         turned = [one for one, _ in goals.turned(boxes)] if len(boxes.lower) else []
         if not turned:
@@ -254,7 +261,7 @@ def _enclosed(leg: BoundLeg, region: BoundRegion, longest: float, stop: StopCond
 def _least_time_to(end: LegEnd, region: BoundRegion, leg: BoundLeg, most: float) -> float:
     """Lower bound by velocity limits on the time from an end of a leg to a region [s], capped."""
     never, reached = 0.0, most
-    for _ in range(leg.policy.reach_rounds):
+    for _ in range(leg.policy.passes):
         middle = (never + reached) / 2
         far = up(leg.velocity * middle)
         if region.narrowed((end.q + Interval(-far, far))[None], leg.policy) is None:
@@ -262,3 +269,90 @@ def _least_time_to(end: LegEnd, region: BoundRegion, leg: BoundLeg, most: float)
         else:
             reached = middle
     return never
+
+
+@dataclass(frozen=True, eq=False)
+class Tube:
+    """Boxes of joint positions along a line, from a known end to a plane across it.
+
+    Attributes:
+        box: box of all positions before the frame first meets the plane, each end of shape (nv,).
+        plane: box of the positions in the plane, likewise.
+    """
+
+    box: Interval
+    plane: Interval
+
+
+def tube(leg: BoundLeg, line: BoundRegion, plane: float, ends: tuple[LegEnd, LegEnd], longest: float) -> Tube | None:
+    """The tube of a line; None: it cannot be separated from other joint positions.
+
+    Args:
+        leg: leg with velocity limits and policy.
+        line: region with one free axis.
+        plane: position of the plane along that axis [m]; the frame rests at 0.
+        ends: ends of the leg: the one with the frame at rest on the line, and the other one.
+        longest: largest duration from end to end [s].
+    """
+    end, other = (one.q for one in ends)
+    slices = _slices(leg, line, plane, (end, other), longest)
+    if slices is None:
+        return None
+    boxes, middles, half, first = slices
+    numbers, margin = leg.policy, half * OVERLAP
+    inner = line.narrowed(boxes, numbers, Interval(middles - half - margin, middles + half + margin))
+    if inner is None or not _inside(inner, boxes) or not _inside(end[None], boxes[first : first + 1]):
+        return None
+    edges = (middles[:-1] + middles[1:]) / 2
+    for own, neighbours in ((inner[:-1], boxes[1:]), (inner[1:], boxes[:-1])):
+        faces = line.narrowed(own, numbers, Interval(edges - margin, edges + margin))
+        if faces is None or not _inside(faces, neighbours):
+            return None
+    last = line.narrowed(inner[-1:], numbers, Interval(np.array([plane - margin]), np.array([plane + margin])))
+    # The line continues behind the slices. A motion that reaches the outermost slice has no time left after it:
+    # a later crossing of the plane need not be considered.
+    if last is None or _time(leg, (end, inner[0], other)) < longest:
+        return None
+    return Tube(inner[1:].around, last[0])
+
+
+def _time(leg: BoundLeg, boxes: Sequence[Interval]) -> float:
+    """Time from box to box by the velocity limits [s], rounded down."""
+    return sum_down([float(least_time(one, other, leg.velocity)) for one, other in pairwise(boxes)])
+
+
+def _slices(
+    leg: BoundLeg, line: BoundRegion, plane: float, ends: tuple[Interval, Interval], longest: float
+) -> tuple[Interval, Array, float, int] | None:
+    """Boxes of the slices, shape (m, nv), their middles and half width along the line [m], and the end's index.
+
+    They extend from the plane to the end, which is in the middle of its slice, and beyond as far as time allows.
+    """
+    numbers, count, (end, other) = leg.policy, max(round(abs(plane) / (leg.policy.sizes[1] / 2)), 1), ends
+    half = abs(plane) / (2 * count + 1)
+    step = float(np.copysign(2 * half, plane))
+    ahead, behind = [end.centre], [end.centre]
+    while len(ahead) <= count:
+        following = _slid(leg, line, len(ahead) * step, ahead[-1])
+        if following is None:
+            return None
+        ahead.append(following)
+    wide = 2 * numbers.sizes[0]
+    while _time(leg, (end, Interval(behind[-1] - wide, behind[-1] + wide), other)) <= longest:
+        following = _slid(leg, line, -len(behind) * step, behind[-1])
+        if following is None or len(behind) > 2 * numbers.phase_cells:
+            return None
+        behind.append(following)
+    first, q = len(behind) - 1, np.array([*behind[:0:-1], *ahead])
+    wide = np.max(np.abs(np.diff(q, axis=0)), axis=0) + end.radius + numbers.sizes[0]
+    return Interval(q - wide, q + wide), np.asarray(step * (np.arange(len(q)) - first)), half, first
+
+
+def _slid(leg: BoundLeg, line: BoundRegion, along: float, q: Array) -> Array | None:
+    """Joint positions near q with the frame at a distance along the line's free axis [m]; None if not found."""
+    at = line.goal.pose * pin.SE3(np.eye(3), along * np.eye(3)[expect(line.free, int, "line")])
+    return slid(leg.dynamics.robot, GoalPose(line.goal.frame, at.homogeneous), q, np.zeros(len(q)), leg.torque)
+
+
+def _inside(inner: Interval, outer: Interval) -> bool:
+    return bool(np.all(inner.lower > outer.lower) and np.all(inner.upper < outer.upper))

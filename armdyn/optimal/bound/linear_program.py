@@ -12,8 +12,10 @@ from armdyn.arrays import Array
 Entries = tuple[NDArray[np.intp], NDArray[np.intp], Array]
 """Rows, columns and values of a matrix's entries."""
 
-_LARGEST_UNKNOWN = 100.0
+LARGEST = 100.0
 """Bound of unbounded unknowns: all unknowns are scaled to about 1."""
+CONVERGED = 1e-6
+"""Tolerance of the cost, relative to 1 and to its size: with 1e-8 bounds of durations are the same to 1e-6."""
 _MOST = 60
 """Iteration limit; solves that converge take 12 to 25."""
 
@@ -69,23 +71,19 @@ class LinearProgram:
         places = np.broadcast_to(rows[:, :, None], shape), np.broadcast_to(unknowns[:, None, :], shape)
         self.entries.append((places[0].ravel(), places[1].ravel(), values.ravel()))
 
-    def solved(self, tolerance: float) -> Array | None:
-        """Marginals of the equations, by the interior-point method of `_enclosure/`; None without convergence.
-
-        Args:
-            tolerance: tolerance of the cost, relative to 1 and to its size.
-        """
-        bounds = np.clip(np.concatenate(self.bounds), -_LARGEST_UNKNOWN, _LARGEST_UNKNOWN)
+    def solved(self) -> Array | None:
+        """Marginals of the equations, by the interior-point method of `_enclosure/`; None without convergence."""
+        bounds = np.clip(np.concatenate(self.bounds), -LARGEST, LARGEST)
         order = np.argsort(np.concatenate(self.places, axis=None), kind="stable")
         right = np.concatenate(self.right, axis=None)[order]
         rows, unknowns, values = (np.concatenate(part) for part in zip(*self.entries, strict=True))
         matrix = csr_matrix((values, (rows, unknowns)), shape=(len(order), len(bounds)))[order].tocsc()
-        found, marginals = marginals_in_boxes(matrix, right, np.concatenate(self.costs), bounds, tolerance)
+        found, marginals = marginals_in_boxes(matrix, right, np.concatenate(self.costs), bounds)
         return marginals[np.argsort(order)] if found else None
 
 
 def marginals_in_boxes(
-    matrix: csc_matrix, right: Array, cost: Array, bounds: Array, tolerance: float
+    matrix: csc_matrix, right: Array, cost: Array, bounds: Array, tolerance: float = CONVERGED
 ) -> tuple[bool, Array]:
     """Marginals of the equations matrix x = right, at the minimiser x within bounds.
 

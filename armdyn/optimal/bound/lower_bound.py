@@ -16,8 +16,8 @@ import numpy as np
 
 from armdyn.arguments import StopCondition, expect, stopper
 from armdyn.models.scene.reaching import GoalPose
-from armdyn.optimal.bound.goal_set import GoalSet, Within, clusters
-from armdyn.optimal.bound.interval import Interval, sum_down
+from armdyn.optimal.bound.enclosure import ROUNDED, Interval, sum_down
+from armdyn.optimal.bound.frame_sets import GoalSet, Within, clusters
 from armdyn.optimal.bound.lattice import Region
 from armdyn.optimal.bound.leg import BoundLeg, legs_of
 from armdyn.optimal.bound.leg_bound import leg_bound
@@ -50,7 +50,7 @@ def pose_bound(problem: MinimumTimeProblem, leg: BoundLeg, stop: StopCondition) 
         return kinematic, joint, kinematic
     # The set's bound is at most that of any goal in it; that goal may be far from the fastest one.
     longest = min(leg_bound(near, stop)[0], known * numbers.most_momentum)
-    for _ in range(numbers.times):
+    for _ in range(numbers.regions // 2):
         if stop() or longest < known * (1 + numbers.near_enough):
             break
         middle = (known + longest) / 2
@@ -84,7 +84,7 @@ def _before(goals: GoalSet, leg: BoundLeg, known: tuple[float, int], stop: StopC
     whole, longest = goals.whole, goals.within.duration
     if whole is None:
         return known
-    enclosed = goals.enclosed(whole, leg.policy.size, stop)
+    enclosed = goals.enclosed(whole, leg.policy.sizes[1], stop)
     boxes = [one for each in clusters(enclosed, stop) for one, _ in goals.turned(each)]
     regions = [(known, Region(part, goals), False) for part in boxes]
     tries = 0
@@ -99,10 +99,6 @@ def _before(goals: GoalSet, leg: BoundLeg, known: tuple[float, int], stop: StopC
         regions[0] = (leg_bound(replace(leg, goal=least.end(leg.goal.v)), stop, bound[0]), least, True)
         tries += 1
     return min([(longest, known[1]), *(bound for bound, _, _ in regions)])
-
-
-_ROUNDED = 1e-12
-"""Share by which times are rounded down, to cover sums and quotients of a few floats."""
 
 
 @brief
@@ -217,4 +213,4 @@ def _other_turns(problem: MinimumTimeProblem) -> float:
     if 2 ** int(np.sum(turning)) > MOST_GOALS:
         least = min(least, float(np.max(np.abs(goals[-1] - begin) / speed)) if len(fixed) == 2 else 0.0)
     before = np.max(np.abs(np.diff(fixed[:-1], axis=0)) / speed, axis=1)
-    return (least + float(np.sum(before))) * (1 - _ROUNDED)
+    return (least + float(np.sum(before))) * (1 - ROUNDED)

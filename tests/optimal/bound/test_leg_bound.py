@@ -11,13 +11,12 @@ from armdyn.cycle.posing import problem_of
 from armdyn.models.scene.reaching import deviations_of, slid
 from armdyn.optimal.bound.cells import Cells, Phase
 from armdyn.optimal.bound.chain import chain_bound
-from armdyn.optimal.bound.effort import Effort
-from armdyn.optimal.bound.interval import Interval
+from armdyn.optimal.bound.enclosure import Interval
+from armdyn.optimal.bound.frame_sets import BoundRegion
+from armdyn.optimal.bound.lattice import Effort
 from armdyn.optimal.bound.leg import legs_of
-from armdyn.optimal.bound.leg_bound import Passage, _phases, leg_bound, passing_bound, phased_bound
-from armdyn.optimal.bound.proof import proven
-from armdyn.optimal.bound.region import BoundRegion, tube
-from armdyn.optimal.bound.relaxation import relaxed_in_phases
+from armdyn.optimal.bound.leg_bound import Passage, _phases, leg_bound, passing_bound, phased_bound, tube
+from armdyn.optimal.bound.proof import proven, relaxed
 from armdyn.optimal.problem.policy.bound import BoundPolicy
 
 UP, ACROSS = 0.025, 0.3
@@ -167,7 +166,7 @@ def test_multipliers_need_not_be_the_best(straight, solved):
     ]
     cells = Cells.in_phases(leg, phases, 1.05 * solution.duration)
     forces, ends = cells.forces(leg), cells.ends(leg)
-    by = relaxed_in_phases(leg, cells, forces, ends, 0.3)
+    by = relaxed(leg, cells, forces, ends, 0.3)
     best = proven(leg, cells, forces, ends, by)
     rng = np.random.default_rng(1)
     assert 0.3 < best < solution.duration

@@ -10,9 +10,9 @@ import armdyn as ad
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.models.scene.reaching import frame_placement
 from armdyn.optimal.bound.chain import chain_bound
-from armdyn.optimal.bound.effort import Effort
-from armdyn.optimal.bound.goal_set import GoalSet, Within, clusters
-from armdyn.optimal.bound.interval import Interval, joined
+from armdyn.optimal.bound.enclosure import Interval, joined
+from armdyn.optimal.bound.frame_sets import GoalSet, Within, clusters
+from armdyn.optimal.bound.lattice import Effort
 from armdyn.optimal.problem.policy.bound import BoundPolicy
 from problems import paper_arm
 

@@ -7,14 +7,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import armdyn as ad
-from armdyn.optimal.bound.cells import Cells
-from armdyn.optimal.bound.enclosure import terms_over
-from armdyn.optimal.bound.forces import Forces, rate_by_lines
-from armdyn.optimal.bound.interval import Interval
-from armdyn.optimal.bound.leg import legs_of
-from armdyn.optimal.bound.proof import proven
-from armdyn.optimal.bound.reach import reached
-from armdyn.optimal.bound.relaxation import relaxed
+from armdyn.optimal.bound.cells import Cells, reached
+from armdyn.optimal.bound.enclosure import Interval, terms_over
+from armdyn.optimal.bound.leg import Forces, legs_of, rate_by_lines
+from armdyn.optimal.bound.proof import proven, relaxed
 from armdyn.optimal.problem.policy.bound import BoundPolicy
 from optimal.bound.arms import ARMS, drawn, random_problem
 from optimal.test_motor_limits import INERTIA, PEAK, turntable
@@ -99,7 +95,7 @@ def boxes(problem):
     for _ in range(2):
         cells = cells.narrowed(leg, reached(leg, cells, cells.forces(leg), lambda: False))
     forces = cells.forces(leg)
-    return leg, cells, forces, relaxed(leg, cells, forces, known)
+    return leg, cells, forces, relaxed(leg, cells, forces, cells.ends(leg), known)
 
 
 def test_any_multipliers_and_shares_of_lines_prove_a_bound():

@@ -15,7 +15,7 @@ import armdyn as ad
 from armdyn.models.scene.reaching import frame_placement
 from armdyn.optimal import resolver as live
 from armdyn.optimal.bound.chain import chain_bound
-from armdyn.optimal.bound.effort import Effort
+from armdyn.optimal.bound.lattice import Effort
 from armdyn.optimal.bound.lower_bound import lower_bound
 from armdyn.optimal.constraints.regions import FrameRegion
 from armdyn.optimal.constraints.registry import TightenedConstraints
@@ -192,7 +192,7 @@ def constraints_that_are_tightened():
 
 def bounds_of_a_pose():
     problem = posed("rr", velocity_limit=10.0)
-    for policy in (Noted.of(problem), Noted.of(problem).changed("bound", few=0)):
+    for policy in (Noted.of(problem), Noted.of(problem).changed("bound", few=1)):
         lower_bound(problem, policy=policy.bound)
 
 

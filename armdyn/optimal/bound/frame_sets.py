@@ -1,4 +1,4 @@
-"""Boxes that enclose all joint positions that bring a frame to a pose, by interval branch and prune.
+"""Sets of joint positions that bring a frame to a pose or into a region, enclosed by boxes.
 
 A frame is at its goal if the chain of joints closes: with the chain cut at a joint between, R_A, p_A the placement of
 that joint in the world, R_B, p_B the frame's in it, and R, p the goal's,
@@ -10,41 +10,46 @@ length of its largest deviations, and a direction by its angle; the equations ma
 joints of both halves, so that affine forms have only a small part of the second-order terms of the whole chain. Full
 poses have further equations, of a few joints each: squared distances between joints' origins. Over a box every equation
 is c + Σ s_k ε_k ± r = 0; combinations of them, such as those that solve for one joint, narrow or empty the box (R. E.
-Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval Analysis, 2009, chapter 8). A box that is neither empty nor
-small is bisected.
+Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval Analysis, 2009, chapter 8). By branch
+and prune, a box that is neither empty nor small is bisected.
+
+A region that a motion passes, or a line along which it stays, is enclosed by the deviations of the frame themselves.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.arguments import StopCondition
 from armdyn.arrays import Array, Flags
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.locks import cached_property
-from armdyn.models.scene.reaching import REACHED, GoalPose
-from armdyn.optimal.bound.closure import chain_to, closure
-from armdyn.optimal.bound.enclosure import Affine
-from armdyn.optimal.bound.interval import TURN, Interval, down, joined, rounding, up
-from armdyn.optimal.bound.reach import least_time
+from armdyn.locks import built_once, cached_property
+from armdyn.models.robots.robot import Robot
+from armdyn.models.scene.reaching import REACHED, GoalPose, moving_directions
+from armdyn.optimal.bound.enclosure import (
+    OVERLAP,
+    ROUNDED,
+    TURN,
+    Affine,
+    EnclosedFunction,
+    Interval,
+    down,
+    joined,
+    rounding,
+    up,
+)
+from armdyn.optimal.bound.leg import LegEnd, least_time
 from armdyn.optimal.problem.policy.bound import BoundPolicy
 
 TOLERANCE = 10 * REACHED
 """Tolerance of every equation [m and of a rotation's entries]: inverse kinematics within `REACHED` are in the set,
 whatever the lever between the cut and the frame (below 9 m)."""
-
-_NEAR = 1e-9
-"""Share of a turn by which limits may admit a further turn, to cover rounding."""
-
-_SEAM = 0.1
-"""Offset of the cut of a joint's circle from half a turn off the middle [rad]: arms often reach a pose at half a turn,
-which would lie on both sides of the cut."""
-
-_BATCH = 500
-"""Number of boxes that are evaluated at once: arrays of some 10 MB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +144,8 @@ class GoalSet:
             return None
         if np.any(np.isinf((box.upper - box.lower)[self.turning & np.isfinite(self.within.velocity)])):
             return None  # unbounded number of turns
-        middle = (ends[0] if ends else np.zeros(self.dynamics.nv)) + _SEAM
+        # Arms often reach a pose at half a turn, which would lie on both sides of a cut there.
+        middle = (ends[0] if ends else np.zeros(self.dynamics.nv)) + self.policy.sizes[0]
         lower = np.where(self.turning, down(middle - np.pi), box.lower)
         upper = np.where(self.turning, up(middle + np.pi), box.upper)
         return Interval(lower[None], upper[None]) if np.all(np.isfinite(upper - lower)) else None
@@ -150,8 +156,8 @@ class GoalSet:
         found = [(boxes, np.zeros(count))]
         around = boxes.around
         for joint in np.flatnonzero(self.turning & np.isfinite(self.within.velocity)):
-            least = int(np.ceil((inside.lower[joint] - around.upper[joint]) / (2 * np.pi) - _NEAR))
-            most = int(np.floor((inside.upper[joint] - around.lower[joint]) / (2 * np.pi) + _NEAR))
+            least = int(np.ceil((inside.lower[joint] - around.upper[joint]) / (2 * np.pi) - OVERLAP))
+            most = int(np.floor((inside.upper[joint] - around.lower[joint]) / (2 * np.pi) + OVERLAP))
             unit = np.eye(count)[joint]
             by = [(k * unit, Interval.at(float(k)) * TURN) for k in range(least, most + 1)]
             found = [
@@ -178,18 +184,18 @@ class GoalSet:
         kept: list[Interval] = [boxes[:0]]
         while len(boxes.lower) and examined < self.policy.most_boxes and not stop():
             order = np.argsort(self.within.times(boxes, self.turning), kind="stable")
-            now, later = boxes[order[:_BATCH]], boxes[order[_BATCH:]]
+            now, later = boxes[order[: self.policy.few]], boxes[order[self.policy.few :]]
             examined += len(now.lower)
             forms = self._widened(closing.forms(now.turned((1, 0))))
             now, left = narrowed(now, forms, self.policy)
             near = self.within.times(now, self.turning) < self.within.duration
             now, left = now[near], left[near]
-            reach = (now.upper - now.lower) * levers
-            widest = np.max(reach, axis=1, initial=0.0)
-            wide = widest > small
-            # Bisect, among the wide joints, the one with the largest part in some equation's range.
+            moving = (now.upper - now.lower) * levers > small
+            wide = np.any(moving, axis=1)
+            # Bisect, among the joints that move the frame by more, the one with the largest part in some equation's
+            # range.
             shares = np.max(np.abs(forms.gradient[..., left]) / (forms.far[:, None, left] + TOLERANCE), axis=0).T
-            cut = (reach >= self.policy.cut * widest[:, None]) * (shares + TOLERANCE) * (now.upper - now.lower)
+            cut = moving * (shares + TOLERANCE) * (now.upper - now.lower)
             kept.append(now[~wide])
             boxes = joined([later, *_halves(now[wide], np.argmax(cut[wide], axis=1))])
         return joined([*kept, boxes])
@@ -197,8 +203,8 @@ class GoalSet:
     def shrunk(self, boxes: Interval, stop: StopCondition) -> Interval:
         """Shrink touching boxes, shape (boxes, nv), to almost a point if they enclose an isolated joint position."""
         few = replace(self, policy=replace(self.policy, most_boxes=self.policy.few))
-        tiny = boxes if self.continuous else few.enclosed(boxes.around[None], self.policy.isolated, stop)
-        small = len(tiny.lower) == 0 or np.max(tiny.around.radius) < self.policy.isolated
+        tiny = boxes if self.continuous else few.enclosed(boxes.around[None], self.policy.tiny, stop)
+        small = len(tiny.lower) == 0 or np.max(tiny.around.radius) < self.policy.tiny
         return boxes if self.continuous or not small else tiny.around[None] if len(tiny.lower) else tiny
 
     def cut(self, boxes: Interval) -> list[Interval]:
@@ -225,50 +231,6 @@ class GoalSet:
         sizes = np.linalg.norm(most[:3]), np.linalg.norm(most[3:][np.isfinite(most[3:])])
         by = np.where(np.arange(len(forms.rest)) < 3, *sizes)
         return Affine(forms.centre, forms.gradient, forms.rest + by.reshape(-1, *(1,) * (forms.rest.ndim - 1)))
-
-
-def narrowed(boxes: Interval, forms: Affine, numbers: BoundPolicy) -> tuple[Interval, NDArray[np.intp]]:
-    """Narrow boxes to where equations may hold; return them and their indices, without the emptied ones.
-
-    Args:
-        boxes: shape (boxes, nv).
-        forms: equations in ε of `EnclosedFunction.forms`: zero within `TOLERANCE`.
-        numbers: settings of the narrowing.
-    """
-    left = np.flatnonzero(np.all(np.abs(forms.centre) <= (forms.far + TOLERANCE) * (1 + 1e-12), axis=0))
-    boxes, forms = boxes[left], Affine(*(part[..., left] for part in forms.parts))
-    centre, gradient = forms.centre.T, np.ascontiguousarray(forms.gradient.transpose(2, 0, 1))
-    rest, (m, nv) = forms.rest.T + TOLERANCE, gradient.shape[1:]
-    normal = gradient @ gradient.transpose(0, 2, 1)
-    damping = numbers.damping * np.trace(normal, axis1=1, axis2=2) + 1e-30
-    solved = np.linalg.solve(
-        normal + damping[:, None, None] * np.eye(m), np.concatenate([gradient, centre[..., None]], 2)
-    )
-    # Any combinations are valid: per joint the one that solves for it, then that of the error, then single rows.
-    w = np.concatenate([solved.transpose(0, 2, 1), np.broadcast_to(np.eye(m), (len(centre), m, m))], axis=1)
-    sizes = np.abs(centre) + np.sum(np.abs(gradient), axis=2) + rest
-    value, row, remainder = (w @ centre[..., None])[..., 0], w @ gradient, (np.abs(w) @ rest[..., None])[..., 0]
-    remainder = remainder + rounding(2 * (m + nv), (np.abs(w) @ sizes[..., None])[..., 0])
-    lower, upper = -np.ones((len(centre), nv)), np.ones((len(centre), nv))
-    possible, sign = np.ones(len(centre), dtype=bool), np.sign(row)
-    safe = np.where(row == 0, 1.0, row)
-    for _ in range(numbers.narrowings):
-        ends = row * lower[:, None], row * upper[:, None]
-        least, most = np.minimum(*ends), np.maximum(*ends)
-        low = (-value - remainder - np.sum(most, axis=2))[..., None]
-        high = (remainder - value - np.sum(least, axis=2))[..., None]
-        possible &= ~np.any((low > 0) | (high < 0), axis=(1, 2))
-        first, last = (low + most) / safe, (high + least) / safe
-        away = 1e-12 * (1 + np.maximum(np.abs(first), np.abs(last)))  # for the rounding of sum and quotient
-        first, last = np.where(sign > 0, first, last) - away, np.where(sign > 0, last, first) + away
-        lower = np.maximum(lower, np.max(np.where(sign == 0, -1.0, first), axis=1))
-        upper = np.minimum(upper, np.min(np.where(sign == 0, 1.0, last), axis=1))
-        possible &= ~np.any(lower > upper, axis=1)
-        lower, upper = np.minimum(lower, 1.0), np.maximum(upper, -1.0)
-    middle, radius = boxes.centre, boxes.radius
-    error = rounding(8, np.abs(middle) + radius)
-    inner = Interval(middle + radius * lower - error, middle + radius * upper + error)
-    return boxes.meet(inner)[possible], left[possible]
 
 
 def clusters(boxes: Interval, stop: StopCondition) -> list[Interval]:
@@ -302,3 +264,181 @@ def _halves(boxes: Interval, joint: NDArray[np.intp]) -> tuple[Interval, Interva
     return Interval(boxes.lower, np.where(cut, middle, boxes.upper)), Interval(
         np.where(cut, middle, boxes.lower), boxes.upper
     )
+
+
+def narrowed(boxes: Interval, forms: Affine, numbers: BoundPolicy) -> tuple[Interval, NDArray[np.intp]]:
+    """Narrow boxes to where equations may hold; return them and their indices, without the emptied ones.
+
+    Args:
+        boxes: shape (boxes, nv).
+        forms: equations in ε of `EnclosedFunction.forms`: zero within `TOLERANCE`.
+        numbers: settings of the narrowing.
+    """
+    left = np.flatnonzero(np.all(np.abs(forms.centre) <= (forms.far + TOLERANCE) * (1 + ROUNDED), axis=0))
+    boxes, forms = boxes[left], Affine(*(part[..., left] for part in forms.parts))
+    centre, gradient = forms.centre.T, np.ascontiguousarray(forms.gradient.transpose(2, 0, 1))
+    rest, (m, nv) = forms.rest.T + TOLERANCE, gradient.shape[1:]
+    normal = gradient @ gradient.transpose(0, 2, 1)
+    damping = numbers.tiny * np.trace(normal, axis1=1, axis2=2) + 1e-30
+    solved = np.linalg.solve(
+        normal + damping[:, None, None] * np.eye(m), np.concatenate([gradient, centre[..., None]], 2)
+    )
+    # Any combinations are valid: per joint the one that solves for it, then that of the error, then single rows.
+    w = np.concatenate([solved.transpose(0, 2, 1), np.broadcast_to(np.eye(m), (len(centre), m, m))], axis=1)
+    sizes = np.abs(centre) + np.sum(np.abs(gradient), axis=2) + rest
+    value, row, remainder = (w @ centre[..., None])[..., 0], w @ gradient, (np.abs(w) @ rest[..., None])[..., 0]
+    remainder = remainder + rounding(2 * (m + nv), (np.abs(w) @ sizes[..., None])[..., 0])
+    lower, upper = -np.ones((len(centre), nv)), np.ones((len(centre), nv))
+    possible, sign = np.ones(len(centre), dtype=bool), np.sign(row)
+    safe = np.where(row == 0, 1.0, row)
+    for _ in range(numbers.narrowings):
+        ends = row * lower[:, None], row * upper[:, None]
+        least, most = np.minimum(*ends), np.maximum(*ends)
+        low = (-value - remainder - np.sum(most, axis=2))[..., None]
+        high = (remainder - value - np.sum(least, axis=2))[..., None]
+        possible &= ~np.any((low > 0) | (high < 0), axis=(1, 2))
+        first, last = (low + most) / safe, (high + least) / safe
+        away = ROUNDED * (1 + np.maximum(np.abs(first), np.abs(last)))  # for the rounding of sum and quotient
+        first, last = np.where(sign > 0, first, last) - away, np.where(sign > 0, last, first) + away
+        lower = np.maximum(lower, np.max(np.where(sign == 0, -1.0, first), axis=1))
+        upper = np.minimum(upper, np.min(np.where(sign == 0, 1.0, last), axis=1))
+        possible &= ~np.any(lower > upper, axis=1)
+        lower, upper = np.minimum(lower, 1.0), np.maximum(upper, -1.0)
+    middle, radius = boxes.centre, boxes.radius
+    error = rounding(8, np.abs(middle) + radius)
+    inner = Interval(middle + radius * lower - error, middle + radius * upper + error)
+    return boxes.meet(inner)[possible], left[possible]
+
+
+def chain_to(robot: Robot, goal: GoalPose) -> list[int]:
+    """Joints between the world and the frame, in order."""
+    return list(robot.model.supports[robot.frame(goal.frame).parentJoint])[1:]
+
+
+@built_once(maxsize=16)
+def closure(dynamics: Dynamics, goal: GoalPose) -> EnclosedFunction:
+    """Equations of q that are zero exactly where the frame is at its goal."""
+    q, chain = ca.SX.sym("q", dynamics.nv), chain_to(dynamics.robot, goal)
+    # By experiment on UR5 and Panda: a cut in the middle, one joint later with an orientation, needs fewest boxes.
+    own = chain[: min(len(chain) // 2 + goal.oriented, len(chain) - 1)]
+    if own:
+        at = slice(4 * (own[-1] - 1), 4 * own[-1])
+        inner = dynamics.placements(q)[:, at]
+        outer_q = _behind(q, own)
+        fixed = dynamics.placements(np.zeros(dynamics.nv))[:, at]
+    else:
+        inner, outer_q, fixed = ca.horzcat(ca.SX.eye(3), ca.SX.zeros(3)), q, np.eye(3, 4)
+    rotation, origin = dynamics.frame_placement(outer_q, goal.frame)
+    back = ca.SX(fixed[:, :3].T.copy())
+    rotation, origin = back @ rotation, back @ (origin - fixed[:, 3])
+    rows = [inner[:, :3].T @ (goal.pose.translation - inner[:, 3]) - origin]
+    if goal.axis is not None:
+        axis = ca.SX.eye(3)[:, goal.axis]
+        rows.append(inner[:, :3].T @ (ca.SX(goal.pose.rotation.copy()) @ axis) - rotation @ axis)
+    elif goal.oriented:
+        rows.append(ca.vec(inner[:, :3] - ca.SX(goal.pose.rotation.copy()) @ rotation.T))
+    if goal.exact and goal.oriented:
+        rows += _distances(dynamics, goal, q)
+    return EnclosedFunction.of(ca.Function("closure", [q], [ca.cse(ca.densify(ca.vertcat(*rows)))]))
+
+
+def _distances(dynamics: Dynamics, goal: GoalPose, q: ca.SX) -> list[ca.SX]:
+    """Equations of a few joints each: squared distances between two joints' origins [m²].
+
+    The distances follow from the joints between these two, and from the other joints, through the world and the goal.
+    Joints that turn about either origin have no effect.
+    """
+    n, chain, rng = dynamics.nv, chain_to(dynamics.robot, goal), np.random.default_rng(0)
+    # A polynomial of sines and cosines, of second degree in each joint's, that is not zero identically vanishes at
+    # random positions with probability zero: one for each joint is more than enough.
+    samples, found = rng.uniform(-np.pi, np.pi, (n, n)), []
+    for i, j in combinations(range(len(chain)), 2):
+        first, last = 4 * (chain[i] - 1), 4 * (chain[j] - 1)
+        between = dynamics.placements(_behind(q, chain[: i + 1]))
+        inner = between[:, last + 3] - between[:, first + 3]
+        fixed = dynamics.placements(np.zeros(n))[:, last : last + 4]
+        rotation, origin = dynamics.frame_placement(_behind(q, chain[: j + 1]), goal.frame)
+        back = ca.SX(goal.pose.rotation.copy()) @ rotation.T
+        outer = goal.pose.translation - back @ (origin - fixed[:, 3]) - dynamics.placements(q)[:, first + 3]
+        row = ca.sumsqr(inner) - ca.sumsqr(outer)
+        gradient = ca.Function("gradient", [q], [ca.jacobian(row, q)])
+        sizes = [np.abs(gradient(one).full()[0]) for one in samples]
+        idle = [int(k) + 1 for k in np.flatnonzero(np.max(sizes, axis=0) < ROUNDED)]
+        found.append((n - len(idle), ca.substitute(row, q, _behind(q, idle))))
+    return [row for count, row in found if 0 < count <= n - 2]
+
+
+def _behind(q: ca.SX, joints: Sequence[int]) -> ca.SX:
+    """Joint positions with zeros for some joints."""
+    return ca.vertcat(*(0.0 if k + 1 in joints else q[k] for k in range(q.numel())))
+
+
+@dataclass(frozen=True)
+class BoundRegion:
+    """Region of a frame, for bounds: encloses all joint positions within it.
+
+    Attributes:
+        dynamics: dynamics of the arm.
+        goal: the region.
+    """
+
+    dynamics: Dynamics
+    goal: GoalPose
+
+    @property
+    def free(self) -> int | None:
+        """Index of the one axis along which the frame moves freely; None: no such axis, or several."""
+        axes = np.flatnonzero(np.isinf(self.goal.deviations[:3]))
+        return int(axes[0]) if axes.size == 1 else None
+
+    def forms(self, boxes: Interval, along: Interval | None = None) -> Affine:
+        """Affine forms over boxes, shape (boxes, nv), that contain zero where the frame is in the region.
+
+        With Δ = log(Rᵀ R_frame) the deviation's rotation vector, the antisymmetric part of Rᵀ R_frame is
+        Δ sin |Δ| / |Δ|, no component of which is larger than that of Δ.
+
+        Args:
+            boxes: boxes of joint positions [rad or m].
+            along: position of the frame along its free axis in each box [m], shape (boxes,); None: any.
+
+        Returns:
+            Shape (m, boxes).
+        """
+        function, moving = _deviations(self.dynamics, self.goal)
+        forms, most = function.forms(boxes.turned((1, 0))), self.goal.deviations.copy()
+        if self.goal.axis is not None:
+            most[3:] = np.inf  # deviations of a free axis are defined differently
+        limit = np.repeat(most[:, None], len(boxes.lower), axis=1)
+        middle = np.zeros_like(limit)
+        if along is not None and self.free is not None:
+            middle[self.free], limit[self.free] = along.centre, along.radius
+        own = np.flatnonzero(moving & np.isfinite(limit[:, 0]))
+        centre = Affine(middle, np.zeros_like(forms.gradient), limit + TOLERANCE)
+        return Affine(*(part[own] for part in (forms - centre).parts))
+
+    def narrowed(
+        self, boxes: Interval, policy: BoundPolicy, along: Interval | None = None, rounds: int | None = None
+    ) -> Interval | None:
+        """Boxes narrowed to the frame in the region, shape (boxes, nv); None: impossible in some box."""
+        for _ in range(policy.narrowings + 1 if rounds is None else rounds):
+            found = narrowed(boxes, self.forms(boxes, along), policy)[0]
+            if len(found.lower) < len(boxes.lower):
+                return None
+            boxes = found
+        return boxes
+
+    def end(self, box: Interval) -> LegEnd:
+        """The region within a box, shape (nv,), passed at any velocity."""
+        return LegEnd(box, None, self.forms(box[None]))
+
+
+@built_once(maxsize=32)
+def _deviations(dynamics: Dynamics, goal: GoalPose) -> tuple[EnclosedFunction, Flags]:
+    """Deviations along and about x, y, z [m and of a rotation's entries], and whether the frame moves in each."""
+    q = ca.SX.sym("q", dynamics.nv)
+    rotation, origin = dynamics.frame_placement(q, goal.frame)
+    back = ca.SX(goal.pose.rotation.T.copy())
+    turned = back @ rotation
+    turns = ca.vertcat(turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1])
+    expression = ca.cse(ca.densify(ca.vertcat(back @ (origin - goal.pose.translation), 0.5 * turns)))
+    return EnclosedFunction.of(ca.Function("deviations", [q], [expression])), moving_directions(dynamics.robot, goal)

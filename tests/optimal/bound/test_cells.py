@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from armdyn.dynamics.numeric import forward_dynamics
-from armdyn.optimal.bound import reach
-from armdyn.optimal.bound.cells import Cells
+from armdyn.optimal.bound import cells as cells_module
+from armdyn.optimal.bound.cells import Cells, reached
 from armdyn.optimal.bound.leg import legs_of
-from armdyn.optimal.bound.reach import reached
 from armdyn.optimal.problem.policy.bound import BoundPolicy
 from optimal.bound.arms import ARMS, random_problem
 
@@ -101,7 +100,7 @@ def test_many_multipliers_are_tried_in_groups_and_a_stop_leaves_wider_boxes(monk
     leg, cells = nested(random_problem(ARMS["ur5"](), 0), passes=1)
     forces = cells.forces(leg)
     whole = reached(leg, cells, forces, lambda: True)  # one group is not interrupted
-    monkeypatch.setattr(reach, "_AT_ONCE", 4 * forces.terms.inertia_derivatives.lower.size)
+    monkeypatch.setattr(cells_module, "_AT_ONCE", 4 * forces.terms.inertia_derivatives.lower.size)
     grouped, stopped = reached(leg, cells, forces, lambda: False), reached(leg, cells, forces, lambda: True)
     room = 1e-12 * leg.velocity
     assert np.all(np.abs(grouped.lower - whole.lower) <= room) and np.all(np.abs(grouped.upper - whole.upper) <= room)

@@ -9,10 +9,8 @@ import pytest
 import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.models.scene.reaching import frame_placement
-from armdyn.optimal.bound.chain import chain_bound
-from armdyn.optimal.bound.covers import covers
-from armdyn.optimal.bound.effort import Effort
-from armdyn.optimal.bound.lattice import Lattice
+from armdyn.optimal.bound.chain import chain_bound, covers
+from armdyn.optimal.bound.lattice import Effort, Lattice
 from armdyn.optimal.bound.leg import legs_of
 from armdyn.optimal.problem.policy.bound import BoundPolicy
 from problems import paper_arm
