@@ -32,6 +32,7 @@ def test_double_integrator_in_closed_form():
     # ρ_q = -∂J/∂d = -12 w d/T³; the torque falls from 6 d/T² at the rate of ρ_q/w.
     np.testing.assert_allclose(solution.costates.costate[:, 0], -24 / duration**3, rtol=1e-5)
     np.testing.assert_allclose(solution.costates.costate[[0, -1], 1], [-12 / duration**2, 12 / duration**2], rtol=1e-5)
+    assert "no change saves more than" in str(solution) and "of its cost" in str(solution)
     assert solution.certified and solution.certificate.saving < 1e-6
 
 

@@ -55,7 +55,8 @@ def assessment(solution: Solution) -> str:
         said.append("The time limit ended the search: with more time a faster motion may be found, or this one proven.")
     if certificate.extremal and certificate.saving is not None:
         saved = percent(certificate.saving)
-        said.append(f"It is locally optimal: to first order no change saves more than {saved} of its time.")
+        what = "cost" if solution.problem.pays_effort else "time"
+        said.append(f"It is locally optimal: to first order no change saves more than {saved} of its {what}.")
     elif certificate.extremal:
         said.append("Pontryagin's conditions hold along it: it is locally optimal, no small change makes it faster.")
     if solution.gap is not None and solution.gap_proven:
@@ -92,7 +93,11 @@ def _extremal(solution: Solution) -> tuple[bool | None, str]:
     """Pontryagin's conditions with their largest errors."""
     certificate = solution.certificate
     if certificate.saving is not None:
-        return certificate.extremal, f"to first order a change saves at most {percent(certificate.saving)} of the time"
+        what = "cost" if solution.problem.pays_effort else "time"
+        return (
+            certificate.extremal,
+            f"to first order a change saves at most {percent(certificate.saving)} of the {what}",
+        )
     if solution.phases is None:
         return None, ON_CURVE
     adjoint = certificate.adjoint_error

@@ -398,7 +398,8 @@ def _judged(task: Task, attempt: Attempt, by_limits: bool = False) -> _Judged | 
     certificate, saving = found.certificate, np.inf if costates is None else costates.saving
     if costates is not None and saving > OPTIMALITY_TOLERANCE:
         most, enough = percent(saving), percent(OPTIMALITY_TOLERANCE)
-        remark = f"a small change may save up to {most} of its time; at most {enough} counts as locally optimal"
+        what = "cost" if problem.pays_effort else "time"
+        remark = f"a small change may save up to {most} of its {what}; at most {enough} counts as locally optimal"
         certificate = replace(certificate, remark=remark)
     elif costates is not None:
         idle = idle_joints(problem, costates, costates.switching, OPTIMALITY_TOLERANCE)
