@@ -167,11 +167,6 @@ def _phases(leg: BoundLeg, passage: Passage, longest: float, stop: StopCondition
         if k in passage.lines and event.line_box is not None:
             phases[k] = replace(phases[k], line=passage.lines[k], box=event.line_box)
         others = sum_down([phase.least for j, phase in enumerate(phases) if j != k])
-        if event.line_box is None:
-            least_time = _least_time_to(
-                leg.start if k == 0 else leg.goal, event.region, leg, max(longest - others, 0.0)
-            )
-            phases[k] = replace(phases[k], least=max(phases[k].least, least_time))
         least = _alone(legs[k], phases[k], event, k == 0, longest - others, stop)
         phases[k] = replace(phases[k], least=max(phases[k].least, least))
     return phases
@@ -256,19 +251,6 @@ def _enclosed(leg: BoundLeg, region: BoundRegion, longest: float, stop: StopCond
         box = joined(turned).around.intersection(within.box)
     found = region.narrowed(box[None], leg.policy)
     return None if found is None else found[0]
-
-
-def _least_time_to(end: LegEnd, region: BoundRegion, leg: BoundLeg, most: float) -> float:
-    """Lower bound by velocity limits on the time from an end of a leg to a region [s], capped."""
-    never, reached = 0.0, most
-    for _ in range(leg.policy.passes):
-        middle = (never + reached) / 2
-        far = up(leg.velocity * middle)
-        if region.narrowed((end.q + Interval(-far, far))[None], leg.policy) is None:
-            never = middle
-        else:
-            reached = middle
-    return never
 
 
 @dataclass(frozen=True, eq=False)

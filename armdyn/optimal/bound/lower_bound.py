@@ -68,7 +68,7 @@ def _kinematic(goals: GoalSet, near: float, stop: StopCondition) -> float:
     for size in numbers.sizes:
         if boxes is None or stop():
             break
-        if len(boxes.lower) > numbers.few:  # too many to bisect: only those reached soon
+        if len(boxes.lower) >= numbers.few:  # too many to bisect: only those reached soon
             near = known + numbers.early * (near - known)
         boxes = goals.before(near).enclosed(boxes, size, stop)
         known = max(known, float(np.min(goals.within.times(boxes, goals.turning), initial=near)))

@@ -20,8 +20,6 @@ _LEFT = 0.7
 along a wall, and a pair at the clearance keeps it between the poses, too."""
 _FAR, _FAR_OFF = 2.0, 0.02
 """Multiple of the clearance, and offset [m]: pairs farther apart at the given poses must only keep the clearance."""
-_NEARER = 1e-4
-"""Further reduction of the distance of a pair that touches at a given pose [m]: the program checks poses only."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +50,8 @@ class ClearanceConstraint(PathConstraint):
         model, ends = _model_and_ends(problem)
         if not model.pairs:
             return ConstraintReport(self.name, "no pair of bodies could touch")
-        required = np.where(ends < problem.clearance, ends - _NEARER, np.minimum(problem.clearance, _AT_ENDS * ends))
+        touching = ends - self.policy.near  # a replay is as near to the poses
+        required = np.where(ends < problem.clearance, touching, np.minimum(problem.clearance, _AT_ENDS * ends))
         clearance, times = prove_clearance(model, motion, required)
         need = f"clearance is {1e3 * problem.clearance:g} mm"
         reasons = (f"{clearance}; {need}",) if times else ()

@@ -213,7 +213,7 @@ def test_accelerations_and_curves_count_along_lines_and_never_above_a_motion(str
 
 @pytest.mark.slow
 def test_phases_to_blends_are_no_longer_than_a_motion_s(straight):
-    """Blends of 20 mm and 5 degrees: the boxes hold where the motion passes them, and each phase has a least time."""
+    """Blends of 20 mm and 5 degrees: the boxes hold where the motion passes them, and phases take their least times."""
     given, leg, _ = straight
     wide = (*[0.02 / 3**0.5] * 3, *[np.radians(5) / 3**0.5] * 3)
     via = [ad.GoalPose(one.frame, one.placement, (), wide) for one in given.via]
@@ -223,8 +223,8 @@ def test_phases_to_blends_are_no_longer_than_a_motion_s(straight):
     passage = Passage(tuple(BoundRegion(leg.dynamics, one) for one in via), {})
     first, _, last = phases = _phases(leg, passage, 1.001 * solution.duration, lambda: False)
     begin, end = solution.via_times
-    assert 0.01 < first.least <= begin
-    assert 0.01 < last.least <= solution.duration - end
+    assert first.least <= begin
+    assert last.least <= solution.duration - end
     for phase, t in zip(phases, (begin, end), strict=False):
         q = solution.trajectory(t).q
         assert np.all((phase.goal[1].lower <= q) & (q <= phase.goal[1].upper))

@@ -49,7 +49,7 @@ class BoundPolicy:
         (1.0, 0.3, 0.2), "m or rad", "of boxes of a chain's stops and of regions that are passed, in turn", POSES
     )
     at_once: int = tuned(8, "bounds", "between boxes of consecutive stops, improved together, on as many cores", POSES)
-    few: int = tuned(500, "boxes", "evaluated at once, some 10 MB; of more only those reached soon are bisected", POSES)
+    few: int = tuned(500, "boxes", "evaluated at once, some 10 MB; of as many, only near ones are bisected", POSES)
     early: float = tuned(0.3, "of the time from the bound to a known goal", "counts as soon", POSES)
     regions: int = tuned(4, "bounds", "by momentum per duration: 0.05 to 0.5 s each for six or seven joints", POSES)
     most_momentum: float = tuned(
