@@ -126,7 +126,7 @@ def fastest(motion: BangMotion, stop: Stop) -> tuple[BangMotion, Array | None]:
     for _ in range(policy.polish.rounds):
         gap, stationary = motion.errors
         settled = gap <= policy.shooting.closed and stationary <= OPTIMALITY_TOLERANCE / 100
-        if stop or (settled and (gap <= policy.shooting.closed / 100 or gap > before / 2)):
+        if stop or (settled and (gap <= policy.shooting.closed / 10 or gap > before / 2)):
             break
         before = gap
         if (found := _step(motion)) is None:
@@ -152,7 +152,7 @@ def _step(motion: BangMotion) -> tuple[Array, Array] | None:
     basis, upper = np.linalg.qr(jacobian.T, mode="complete")
     own, null, upper = basis[:, :size], basis[:, size:], upper[:size]
     small = motion.shooting.policy.shooting.closed
-    if np.min(np.abs(np.diag(upper))) <= small / 100:
+    if np.min(np.abs(np.diag(upper))) <= small / 10:
         return None
     change = own @ np.linalg.solve(upper.T, -motion.gaps.ravel())
     if null.size:

@@ -61,10 +61,10 @@ class ShootingPolicy:
     steps: int = tuned(1280, "steps", "of the whole motion at least: a coarse mesh's intervals take several")
     near: float = tuned(1e-5, "of half a torque's range", "a torque of the mesh so near its limit is on it")
     closed: float = tuned(
-        1e-10,
+        1e-11,
         "of a joint's way or speed",
         "gap that counts as closed, far below the goal's tolerance; of exact arcs, whose Newton steps go on while they "
-        "halve it, a hundredth is rounding",
+        "halve it, a tenth is rounding",
     )
     held: float = tuned(
         0.1,
