@@ -19,7 +19,9 @@ class BoundPolicy:
     shortest: float = tuned(4e-5, "of a side", "first cell: a ramp of some thousandths has cells of its own")
     growth: float = tuned(1.35, "-", "from cell to cell")
     longest: float = tuned(1 / 20, "of a side", "last cells: torques that reverse anywhere in them cost little")
-    passes: int = tuned(8, "passes", "of nested boxes on one grid, and grids, at most; usually four passes on one grid")
+    passes: int = tuned(
+        8, "passes", "of nested boxes on one grid, at most; twice as many grids; usually it is four on one"
+    )
     least_gain: float = tuned(2e-5, "of the bound", "a pass that gains less is the last")
     cut_side: float = tuned(1.5, "times a ramp", "length to which a side is cut")
     horizon: float = tuned(
@@ -81,7 +83,7 @@ class BoundPolicy:
     @property
     def grids(self) -> int:
         """Largest number of grids: another one of cells that are coarser than its gain is not worth its time."""
-        return self.passes if self.shortest < self.regrid else 1
+        return 2 * self.passes if self.shortest < self.regrid else 1
 
     @property
     def near_enough(self) -> float:
