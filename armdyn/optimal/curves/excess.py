@@ -21,8 +21,6 @@ from armdyn.trajectory import Trajectory
 
 _MOST = 0.95
 """Largest torque margin, as a part of half the torque's range."""
-_KEPT = -1.0
-"""Excess of a rate that is zero, or has no limit."""
 
 
 def excesses_of(task: Task, curve: Curve) -> tuple[TorqueMargin, ...]:
@@ -39,7 +37,7 @@ def excesses_of(task: Task, curve: Curve) -> tuple[TorqueMargin, ...]:
         s = breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1, checks + 1)
         q, v, a = (x.reshape(*s.shape, -1) for x in leg.at(s.ravel()))
         tau = inverse_dynamics(problem.robot)(q, v, a)
-        rates = _KEPT if limit is None else _rate_excess(leg, s, tau, limit)
+        rates = -1.0 if limit is None else _rate_excess(leg, s, tau, limit)
         found.append(TorqueMargin(*torque_excess(problem.limits.actuators, q, v, tau, POINTS), rates))
     return tuple(found)
 
@@ -92,7 +90,7 @@ def _rate_excess(leg: CurveLeg, s: Array, tau: Array, limit: Array) -> Array:
     rates = np.abs(np.diff(tau, axis=1)) / (leg.duration * np.diff(s, axis=1)[..., None]) / limit - 1
     middle = (s[:, 1:] + s[:, :-1]).ravel() / 2
     which = np.searchsorted(leg.basis.gauss(POINTS)[0].ravel(), middle)
-    over = np.full((leg.basis.intervals * POINTS + 1, limit.size), _KEPT)
+    over = -np.ones((leg.basis.intervals * POINTS + 1, limit.size))
     rates = rates.reshape(-1, limit.size)
     for offset in (-1, 0, 1):  # a step with a full margin leaves the excess to its neighbours
         np.maximum.at(over, np.clip(which + offset, 0, len(over) - 1), rates)

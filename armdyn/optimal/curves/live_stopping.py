@@ -16,13 +16,11 @@ from armdyn.optimal.verify.within_limits import limit_violation
 from armdyn.trajectory import Trajectory
 
 _SECONDS = 0.1
-"""Time that weighs velocities against positions in the search for a state on a motion [s]."""
+"""Time that weighs velocities against positions in the search for a state on a motion, and a rest's duration [s]."""
 _LEAST = 1e-6
 """Remaining time of a motion below which the motion counts as finished [s]."""
 _NEWTON = 4
 """Number of refinements of that time from the nearest sample: the last one is below a nanosecond."""
-_REST = 0.1
-"""Duration of the motion that is returned for an arm that stays at rest [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +108,7 @@ def at_rest(live: LiveProblem, q: Array) -> Trajectory | None:
     """Rest at joint positions, shape (nv,); None: the motors cannot hold the arm there."""
     robot = live.problem.robot
     hold = robot.holding_torque(q)
-    stay = Trajectory.at_rest(q, hold, _REST, robot.joint_names, name="stays", model_hash=robot.model_hash)
+    stay = Trajectory.at_rest(q, hold, _SECONDS, robot.joint_names, name="stays", model_hash=robot.model_hash)
     return stay if _within_limits(live, stay) else None
 
 

@@ -92,13 +92,14 @@ class Sequential:
         """Iterate from unknowns, shape (unknowns,)."""
         policy, first = self.policy, self.policy.trust / 3 if settings.warm else self.policy.trust
         self._radius, self._enough, self._iterations = first, settings.enough, 0
-        at, step, changes = self.program.at(x), None, 0
+        at, step, changes, little = self.program.at(x), None, 0, False
         base, status, word = at, Status.ITERATION_LIMIT, "iteration limit"
         for k in range(settings.steps or policy.steps):
             if self.stop:
                 status, word = Status.INTERRUPTED, "interrupted"
                 break
-            base, (taken, step, region) = at, self._step(at, eager=not settings.warm and k < policy.eager)
+            eager = little or (not settings.warm and k < policy.eager)
+            base, (taken, step, region) = at, self._step(at, eager)
             ended = near = taken is None
             if taken is not None:
                 at, (ended, near) = taken, self._judged(at, taken, step, region)
@@ -107,6 +108,7 @@ class Sequential:
                 changes = 0
                 continue
             bounds = None if settings.tighten is None else settings.tighten(at, near)
+            little = taken is None and bounds is not None  # a step that gains little may still mend torques
             if bounds is not None:
                 self.bounds, self._radius = bounds, first if taken is None else self._radius
                 changes += not self._kept(at)
@@ -131,7 +133,7 @@ class Sequential:
             step = solve_step(self.program.within(program, at.x, region), policy.accuracy)
             self._iterations += 1
             promised = merit - (at.cost + step.cost)
-            if step.found and promised < self._enough * merit:
+            if step.found and promised < self._enough * merit and not eager:
                 return None, step, region
             if step.found:
                 taken = self.program.at(self.program.after(at.x, step.step))

@@ -35,8 +35,6 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.task import Task
 
-_WARM = 1e-9
-"""Distance by which a warm start may be moved off its bounds."""
 _SHORT = 0.01
 """Ways below which unknowns have units of their own [rad or m]; longer motions converge without."""
 
@@ -267,7 +265,7 @@ def _solver(task: Task, shape: CurveLayout, rows: tuple[StageRows, ...], warm: b
     accepted = Acceptable(100 * numbers.tolerance, 100 * numbers.tolerance, numbers.tolerance)
     settings = SolverSettings(numbers.tolerance, numbers.patience, acceptable=accepted)
     if warm:
-        settings = replace(settings, barrier=10 * numbers.tolerance, push=_WARM, warm=True)
+        settings = replace(settings, barrier=10 * numbers.tolerance, push=numbers.tolerance / 100, warm=True)
     return task.in_time(lambda scheme: ipopt_for(settings, build, task.dynamics, shape, rows, scheme.compile))
 
 
