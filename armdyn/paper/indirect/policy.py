@@ -1,10 +1,9 @@
 """Tuned numbers of the indirect method."""
 
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import ClassVar
 
-from armdyn.optimal.problem.policy.tuned import by_kind, tuned
-from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.policy.tuned import tuned
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -13,7 +12,6 @@ class IndirectPolicy:
 
     cases: ClassVar = "R, RR, Luus"
 
-    starts: int = by_kind("guesses", "of the search that makes a seed", "R, RR, RRR with 100.6 g")
     first_weight: float = tuned(0.5, "of 1 for time", "cost of full torques where continuation begins")
     last_weight: float = tuned(2e-3, "of 1 for time", "and where it ends")
     fall: float = tuned(0.25, "-", "from step to step")
@@ -22,8 +20,3 @@ class IndirectPolicy:
     wider: float = tuned(10.0, "of a limit", "limits of a seed without limits", "R, RR")
     shot: float = tuned(1e-10, "scaled", "of the shooting equations: durations then hold to about as much")
     candidates: int = tuned(6, "optima", "tried until one is confirmed: some are artefacts of the mesh", "R, RR, RRR")
-
-    @classmethod
-    def of(cls, problem: MinimumTimeProblem) -> Self:
-        """The numbers for a problem, by its joints."""
-        return cls(starts={1: 1, 2: 6}.get(problem.robot.nv, 16))

@@ -43,7 +43,7 @@ class IndirectOptions:
         tolerance: of the boundary value problem's residual (lobatto) or of its equations (trapezoidal).
         intervals: of the trapezoidal mesh.
         max_nodes: of the Lobatto mesh.
-        starts: guesses of the search that makes a seed; None: the policy's.
+        starts: guesses of the search that makes a seed; None: as many as the direct method's.
         seed: of the guesses after the first.
         continuations: number of found optima that are followed to minimum time; the fastest is returned.
         time_limit: wall time [s].

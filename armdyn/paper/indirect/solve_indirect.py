@@ -8,6 +8,7 @@ basin it was started in, not proven to be the best one.
 """
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -66,7 +67,7 @@ class _IndirectTask:
     @cached_property
     def numbers(self) -> IndirectPolicy:
         """The tuned numbers."""
-        return IndirectPolicy.of(self.problem)
+        return IndirectPolicy()
 
     @property
     def fastest(self) -> bool:
@@ -162,13 +163,16 @@ def _refuse(task: _IndirectTask, seed: Solution | None) -> None:
         raise ProblemError(f"the indirect method knows no {', '.join(problem.path_constraint_names)}")
 
 
-def _best(task: _IndirectTask, seeds: list[_Seed]) -> IndirectSolution:
-    """The best solution from the seeds; without one, the best failure."""
+def _best(task: _IndirectTask, seeds: Iterator[_Seed]) -> IndirectSolution:
+    """The best solution from the seeds, of which no more are made than needed; without one, the best failure."""
     best: IndirectSolution | None = None
     given_up: list[str] = []
-    for k, seed in enumerate(seeds):
-        if best is not None and (task.stop or (best.success and k >= task.enough)):
+    tried = 0
+    while best is None or not (task.stop or (best.success and tried >= task.enough)):
+        seed = next(seeds, None)
+        if seed is None:
             break
+        tried += 1
         found = _minimum_time(task, seed) if task.fastest else _time_energy(task, seed)
         if best is None or (not found.success, found.cost) < (not best.success, best.cost):
             best = found
@@ -177,28 +181,31 @@ def _best(task: _IndirectTask, seeds: list[_Seed]) -> IndirectSolution:
     if best is None:
         return _no_seed(task)
     if best.success and given_up:
-        more = f"{len(given_up)} of {len(seeds)} seeds were given up, the first as: {given_up[0]}"
+        more = f"{len(given_up)} of {tried} seeds were given up, the first as: {given_up[0]}"
         return replace(best, message=f"{best.message}; {more}")
     return best
 
 
-def _seeds(task: _IndirectTask, seed: Solution | None) -> list[_Seed]:
+def _seeds(task: _IndirectTask, seed: Solution | None) -> Iterator[_Seed]:
     """Initial guesses of the boundary value problem, the most promising first."""
     problem, options, stop = task.problem, task.options, task.stop
     if seed is not None and seed.costates is not None and options.law.minimises:
-        return [_Seed.of(seed.costates, seed.problem.effort_weight)]
+        yield _Seed.of(seed.costates, seed.problem.effort_weight)
+        return
     numbers, weight = task.numbers, task.seed_weight
     wider, limits = 1.0 if options.bounded else numbers.wider, problem.limits
     bound = wider * limits.effort_lower, wider * limits.effort_upper
     smooth = problem.variant(effort_weight=weight, effort_limit=bound, reserve=0.0)  # the bound is less it already
     direct_task = Task.of(smooth, MinimumTimeOptions(seed=options.seed, workers=1), stop)
-    starts, most = options.starts or numbers.starts, max(numbers.candidates, options.continuations)
+    starts = options.starts or direct_task.policy.search.starts
+    most = max(numbers.candidates, options.continuations)
     if seed is not None:
         starts, most, direct_task = 1, 1, direct_task.with_options(guesses=(seed.trajectory,))
     policy = direct_task.policy.changed("search", starts=starts, refined=most)
     direct_task = replace(direct_task, policy=policy)
-    found = (_costates(direct_task, attempt) for attempt in find(direct_task).attempts)
-    return [_Seed.of(one, weight) for one in found if one is not None]
+    for attempt in find(direct_task).attempts:
+        if (costates := _costates(direct_task, attempt)) is not None:
+            yield _Seed.of(costates, weight)
 
 
 def _costates(task: Task, attempt: Attempt) -> Costates | None:
