@@ -145,7 +145,7 @@ class GoalSet:
         if np.any(np.isinf((box.upper - box.lower)[self.turning & np.isfinite(self.within.velocity)])):
             return None  # unbounded number of turns
         # Arms often reach a pose at half a turn, which would lie on both sides of a cut there.
-        middle = (ends[0] if ends else np.zeros(self.dynamics.nv)) + self.policy.sizes[0]
+        middle = (ends[0] if ends else np.zeros(self.dynamics.nv)) + 2 * self.policy.sizes[0]
         lower = np.where(self.turning, down(middle - np.pi), box.lower)
         upper = np.where(self.turning, up(middle + np.pi), box.upper)
         return Interval(lower[None], upper[None]) if np.all(np.isfinite(upper - lower)) else None
@@ -190,12 +190,12 @@ class GoalSet:
             now, left = narrowed(now, forms, self.policy)
             near = self.within.times(now, self.turning) < self.within.duration
             now, left = now[near], left[near]
-            moving = (now.upper - now.lower) * levers > small
-            wide = np.any(moving, axis=1)
-            # Bisect, among the joints that move the frame by more, the one with the largest part in some equation's
-            # range.
+            reach = (now.upper - now.lower) * levers
+            widest = np.max(reach, axis=1, initial=0.0)
+            wide = widest > small
+            # Bisect, among the wide joints, the one with the largest part in some equation's range.
             shares = np.max(np.abs(forms.gradient[..., left]) / (forms.far[:, None, left] + TOLERANCE), axis=0).T
-            cut = moving * (shares + TOLERANCE) * (now.upper - now.lower)
+            cut = (reach >= self.policy.cut * widest[:, None]) * (shares + TOLERANCE) * (now.upper - now.lower)
             kept.append(now[~wide])
             boxes = joined([later, *_halves(now[wide], np.argmax(cut[wide], axis=1))])
         return joined([*kept, boxes])

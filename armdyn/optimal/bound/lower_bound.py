@@ -50,7 +50,7 @@ def pose_bound(problem: MinimumTimeProblem, leg: BoundLeg, stop: StopCondition) 
         return kinematic, joint, kinematic
     # The set's bound is at most that of any goal in it; that goal may be far from the fastest one.
     longest = min(leg_bound(near, stop)[0], known * numbers.most_momentum)
-    for _ in range(numbers.regions // 2):
+    for _ in range(numbers.passes // 4):
         if stop() or longest < known * (1 + numbers.near_enough):
             break
         middle = (known + longest) / 2
@@ -84,11 +84,11 @@ def _before(goals: GoalSet, leg: BoundLeg, known: tuple[float, int], stop: StopC
     whole, longest = goals.whole, goals.within.duration
     if whole is None:
         return known
-    enclosed = goals.enclosed(whole, leg.policy.sizes[1], stop)
+    enclosed = goals.enclosed(whole, 2 * leg.policy.sizes[1], stop)
     boxes = [one for each in clusters(enclosed, stop) for one, _ in goals.turned(each)]
     regions = [(known, Region(part, goals), False) for part in boxes]
     tries = 0
-    while regions and tries < leg.policy.regions and not stop():
+    while regions and tries < leg.policy.passes // 2 and not stop():
         regions.sort(key=lambda known: known[0])
         bound, least, tried = regions[0]  # tried by momentum: only smaller regions can raise its bound
         if bound[0] >= longest or (tried and len(least.boxes.lower) == 1):

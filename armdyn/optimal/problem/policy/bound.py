@@ -53,7 +53,7 @@ class BoundPolicy:
     at_once: int = tuned(8, "bounds", "between boxes of consecutive stops, improved together, on as many cores", POSES)
     few: int = tuned(500, "boxes", "evaluated at once, some 10 MB; of as many, only near ones are bisected", POSES)
     early: float = tuned(0.3, "of the time from the bound to a known goal", "counts as soon", POSES)
-    regions: int = tuned(4, "bounds", "by momentum per duration: 0.05 to 0.5 s each for six or seven joints", POSES)
+    cut: float = tuned(0.1, "of the widest joint's", "width of a box's joints that may be bisected [rad or m]", POSES)
     most_momentum: float = tuned(
         1.2, "times the velocity limits' bound", "largest bound by momentum that is tried", POSES
     )
