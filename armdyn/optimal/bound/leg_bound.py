@@ -243,7 +243,8 @@ def _enclosed(leg: BoundLeg, region: BoundRegion, longest: float, stop: StopCond
     goals, box = GoalSet(leg.dynamics, region.goal, within, leg.policy), within.box
     boxes = None if np.any(leg.start.q.radius) or np.any(leg.goal.q.radius) else goals.whole
     if boxes is not None:
-        for size in leg.policy.cover:
+        first, *finer = leg.policy.cover
+        for size in (first / 2, *finer):  # regions are smaller than the sets of a chain's stops
             boxes = goals.enclosed(boxes, size, stop)
         turned = [one for one, _ in goals.turned(boxes)] if len(boxes.lower) else []
         if not turned:
