@@ -28,7 +28,6 @@ from scipy.stats import binomtest
 import armdyn as ad
 from armdyn.optimal.minimum_time import solve_task
 from armdyn.optimal.problem.choices import SEARCH_LEVELS
-from armdyn.optimal.problem.policy import Policy
 from armdyn.optimal.problem.task import Task
 
 SAME = 1e-6
@@ -119,7 +118,7 @@ def measured(given: argparse.Namespace) -> None:
         line: dict[str, object] = {"pair": k, "case": case_of(given), "own": solved(problem, options)}
         if given.times:
             more = replace(options, search="thorough", time_limit=20 * given.time_limit)
-            line["more"] = solved(problem, more, given.times / Policy.of(problem).search.thorough)
+            line["more"] = solved(problem, more, given.times / SEARCH_LEVELS["thorough"])
         with given.out.open("a") as file:
             file.write(json.dumps(line) + "\n")
         print(f"{line['case']} {k}: {line['own']['message']}", file=sys.stderr, flush=True)

@@ -24,7 +24,7 @@ from armdyn.optimal.bound.lattice import Effort
 from armdyn.optimal.bound.lower_bound import least_duration
 from armdyn.optimal.minimum_time import solve_task
 from armdyn.optimal.problem.options import MinimumTimeOptions
-from armdyn.optimal.problem.policy.search import CyclePolicy
+from armdyn.optimal.problem.policy.search import CyclePolicy, GoalPolicy
 from armdyn.optimal.problem.status import Status, Stop, stopping
 from armdyn.optimal.problem.task import Task
 from armdyn.parallel import in_processes
@@ -67,7 +67,7 @@ def solve_cycle(
         if cycle.order == "free" and answer.usable and turns(cycle):
             answer = _with_turns(answer, options, stop, report)
         if options.bound:
-            stop.deadline = max(stop.deadline, time.perf_counter() + CyclePolicy().bound_part * options.time_limit)
+            stop.deadline = max(stop.deadline, time.perf_counter() + GoalPolicy().bound * options.time_limit)
             programs = options.bound_programs or CyclePolicy().bound_programs
             effort = Effort(programs, stop.__bool__, options.workers, report)
             answer = replace(answer, lower_bound=_lower_bound(graph, answer, effort))

@@ -21,7 +21,7 @@ from armdyn.optimal.curves.curve import CurveLeg
 from armdyn.optimal.curves.live import Guess, LiveProblem, acceleration_limits, improve
 from armdyn.optimal.curves.live_stopping import LastMotion, at_rest, fallback, rest_of_last
 from armdyn.optimal.curves.nlp_data import TorqueMargin
-from armdyn.optimal.problem.checks import check_every_joint_has_motor
+from armdyn.optimal.problem.checks import ROUNDING, check_every_joint_has_motor
 from armdyn.optimal.problem.policy.policy import Policy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
@@ -79,8 +79,6 @@ _WORDS = {
     Status.STOPPED: "no motion to the goal in time: the arm comes to rest",
 }
 """Messages."""
-_THERE = 1e-9
-"""Distance from the goal [rad or m, and per second] within which an arm is at the goal: rounding of samples."""
 _NOTHING = "no motion to the goal in time, and no stop that was tried satisfies all limits"
 _REMARK = "a live motion: neither a lower bound nor Pontryagin's conditions are checked"
 
@@ -211,10 +209,10 @@ class Resolver:
     def _rest_of_last(self, live: LiveProblem) -> Trajectory | None:
         """Rest of the last motion if it leads to the goal, or a rest if the arm is at the goal; else None."""
         start, goal = live.problem.poses
-        if max(np.max(np.abs(start - goal)), np.max(np.abs(live.v))) <= _THERE:
+        if max(np.max(np.abs(start - goal)), np.max(np.abs(live.v))) <= ROUNDING:
             return at_rest(live, goal)
         last = self._last
-        if last is None or not last.settled or np.max(np.abs(last.motion.q[-1] - goal)) > _THERE:
+        if last is None or not last.settled or np.max(np.abs(last.motion.q[-1] - goal)) > ROUNDING:
             return None
         return rest_of_last(live, last)
 

@@ -27,9 +27,10 @@ from numpy.typing import NDArray
 
 from armdyn.arguments import StopCondition
 from armdyn.arrays import Array, Flags
-from armdyn.optimal.bound.enclosure import OVERLAP, ROUNDED, Affine, Interval, joined, stacked, terms_over, up
+from armdyn.optimal.bound.enclosure import ROUNDED, Affine, Interval, joined, stacked, terms_over, up
 from armdyn.optimal.bound.frame_sets import BoundRegion
 from armdyn.optimal.bound.leg import BoundLeg, Forces, LegEnd
+from armdyn.optimal.problem.checks import ROUNDING
 from armdyn.optimal.problem.policy.bound import BoundPolicy
 
 
@@ -151,8 +152,8 @@ class Cells:
         if new is None:
             return None
         old, begin, k = np.cumsum(self.side), np.append(0.0, np.cumsum(new.side)), self.middle
-        first = np.searchsorted(old, begin[:-1] * (1 - OVERLAP))
-        last = np.minimum(np.searchsorted(old, begin[1:] * (1 + OVERLAP)), k - 1)
+        first = np.searchsorted(old, begin[:-1] * (1 - ROUNDING))
+        last = np.minimum(np.searchsorted(old, begin[1:] * (1 + ROUNDING)), k - 1)
         forward = [self.v[a : b + 1].around for a, b in zip(first, last, strict=True)]
         backward = [self.v[2 * k - b : 2 * k - a + 1].around for a, b in zip(first, last, strict=True)]
         return new.narrowed(leg, stacked([*forward, new.v[new.middle], *backward[::-1]], 0))

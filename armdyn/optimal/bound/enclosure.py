@@ -40,9 +40,6 @@ _TINY = 1e-300
 ROUNDED = 1e-12
 """Bound on the relative error of a few dozen operations, of 1e-15 each, and on the error of the library's tanh."""
 
-OVERLAP = 1e-9
-"""Share of a length by which adjacent ranges overlap, to cover rounding of their ends."""
-
 
 @dataclass(frozen=True, eq=False)
 class Interval:

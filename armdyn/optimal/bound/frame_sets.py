@@ -33,7 +33,6 @@ from armdyn.locks import built_once, cached_property
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import REACHED, GoalPose, moving_directions
 from armdyn.optimal.bound.enclosure import (
-    OVERLAP,
     ROUNDED,
     TURN,
     Affine,
@@ -45,6 +44,7 @@ from armdyn.optimal.bound.enclosure import (
     up,
 )
 from armdyn.optimal.bound.leg import LegEnd, least_time
+from armdyn.optimal.problem.checks import ROUNDING
 from armdyn.optimal.problem.policy.bound import BoundPolicy
 
 TOLERANCE = 10 * REACHED
@@ -156,8 +156,8 @@ class GoalSet:
         found = [(boxes, np.zeros(count))]
         around = boxes.around
         for joint in np.flatnonzero(self.turning & np.isfinite(self.within.velocity)):
-            least = int(np.ceil((inside.lower[joint] - around.upper[joint]) / (2 * np.pi) - OVERLAP))
-            most = int(np.floor((inside.upper[joint] - around.lower[joint]) / (2 * np.pi) + OVERLAP))
+            least = int(np.ceil((inside.lower[joint] - around.upper[joint]) / (2 * np.pi) - ROUNDING))
+            most = int(np.floor((inside.upper[joint] - around.lower[joint]) / (2 * np.pi) + ROUNDING))
             unit = np.eye(count)[joint]
             by = [(k * unit, Interval.at(float(k)) * TURN) for k in range(least, most + 1)]
             found = [

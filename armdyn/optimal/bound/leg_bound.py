@@ -19,10 +19,11 @@ from armdyn.arguments import StopCondition, expect
 from armdyn.arrays import Array
 from armdyn.models.scene.reaching import GoalPose, slid
 from armdyn.optimal.bound.cells import Cells, Phase, reached
-from armdyn.optimal.bound.enclosure import OVERLAP, Interval, joined, sum_down, up
+from armdyn.optimal.bound.enclosure import Interval, joined, sum_down, up
 from armdyn.optimal.bound.frame_sets import BoundRegion, GoalSet, Within
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd, least_time
 from armdyn.optimal.bound.proof import proven, relaxed
+from armdyn.optimal.problem.checks import ROUNDING
 
 
 def leg_bound(leg: BoundLeg, stop: StopCondition, known: float = 0.0) -> tuple[float, int]:
@@ -282,7 +283,7 @@ def tube(leg: BoundLeg, line: BoundRegion, plane: float, ends: tuple[LegEnd, Leg
     if slices is None:
         return None
     boxes, middles, half, first = slices
-    numbers, margin = leg.policy, half * OVERLAP
+    numbers, margin = leg.policy, half * ROUNDING
     inner = line.narrowed(boxes, numbers, Interval(middles - half - margin, middles + half + margin))
     if inner is None or not _inside(inner, boxes) or not _inside(end[None], boxes[first : first + 1]):
         return None

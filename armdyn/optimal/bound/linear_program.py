@@ -16,7 +16,7 @@ LARGEST = 100.0
 """Bound of unbounded unknowns: all unknowns are scaled to about 1."""
 CONVERGED = 1e-6
 """Tolerance of the cost, relative to 1 and to its size: with 1e-8 bounds of durations are the same to 1e-6."""
-_MOST = 60
+MOST = 60
 """Iteration limit; solves that converge take 12 to 25."""
 
 
@@ -107,6 +107,6 @@ def marginals_in_boxes(
         lower=bounds[:, 0].copy(),
         upper=bounds[:, 1].copy(),
         tolerance=tolerance,
-        most=_MOST,
+        most=MOST,
     )
     return found, np.asarray(marginals)

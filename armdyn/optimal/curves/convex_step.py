@@ -10,9 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from armdyn.arrays import Array, Index
-
-_MOST = 60
-"""Iteration limit; solves that converge take 10 to 30."""
+from armdyn.optimal.bound.linear_program import MOST
 
 
 def with_values(pattern: sp.csr_matrix, values: Array) -> sp.csr_matrix:
@@ -115,7 +113,7 @@ def solve_step(problem: ConvexStep, accuracy: float) -> QpSolution:
         slack=np.concatenate(slacks).astype(np.int32),
         price=np.concatenate(prices),
         tolerance=accuracy,
-        most=_MOST,
+        most=MOST,
     )
     step, multipliers, bounds = (np.frombuffer(each) for each in numbers)
     ends = np.cumsum([top.size, *(rows.upper.size for rows in soft)])[:-1]

@@ -151,7 +151,7 @@ def _among_obstacles(task: Task) -> tuple[list[RefinedCurve], bool]:
     If the straight line is collision-free, so may be the fastest curve without obstacles.
     """
     task.progress("paths round the obstacles" if task.problem.has_clearance else "the path through the regions")
-    planned = paths_through(task.problem, task.policy.search, task.options.seed, task.stop)
+    planned = paths_through(task.problem, task.options.seed, task.stop)
     first = list(islice(planned, 1))
     straight = bool(first) and task.problem.has_clearance and all(len(leg) == 2 for leg in first[0])
     found = (_clear_of_obstacles(task) if straight else []) or refined_paths(task, chain(first, planned))

@@ -11,12 +11,11 @@ from armdyn.locks import built_once
 from armdyn.optimal.constraints.rows import IntervalFunctions, RowValues, StageRows, Stages, differentiated, nonzeros_of
 from armdyn.optimal.curves.curve import WINDOW
 from armdyn.optimal.mesh.interval import only_present
+from armdyn.optimal.mesh.layout import BODY
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 
 POINTS = 2
 """Number of Gauss points per interval, at which torques are unknowns."""
-BODY = 10
-"""Number of dynamic parameters of the body on the last joint."""
 
 
 @dataclass(frozen=True)

@@ -218,7 +218,8 @@ def screened(task: Task) -> tuple[list[Task], list[GoalResult]]:
         for i, q in enumerate(goals, start=1):
             one = _Screened(problem.variant(q_goal=q, goal_pose=None, wrap=False))
             least = min((other.duration for other in sampled), default=np.inf)
-            if not (stop or one.branch.holding_deficit or one.branch.duration_bound() > numbers.too_slow * least):
+            slow = one.branch.duration_bound() > task.policy.search.too_coarse * least
+            if not (stop or one.branch.holding_deficit or slow):
                 task.progress(f"goal {i} of {len(goals)}")
                 one = _solved_coarsely(task.for_problem(one.branch))
             sampled.append(one)

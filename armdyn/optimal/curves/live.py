@@ -250,10 +250,10 @@ def _curve_program(problem: MinimumTimeProblem, numbers: Policy, basis: Basis) -
             most[:n] = most[-n:] = np.inf
         return DerivativeRows.of([basis], shape, order, finite(limit), (-most, most))
 
-    rows, acceleration = [rates(1, limits.velocity * (1 - numbers.curves.in_flight))], acceleration_limits(problem)
+    rows, acceleration = [rates(1, limits.velocity * (1 - numbers.curves.velocity_error))], acceleration_limits(problem)
     if np.any(np.isfinite(acceleration)):
         rows.append(rates(2, acceleration * (1 - policy.least_reserve)))
-    squares = policy.smooth * basis.squared(2, POINTS)
+    squares = numbers.sequential.smooth * basis.squared(2, POINTS)
     cost = CurveCost(np.array([duration]), quadratic_form(shape, [squares], finite(limits.velocity)))
     return CurveProgram(
         shape=shape,

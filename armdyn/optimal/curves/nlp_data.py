@@ -90,7 +90,7 @@ def torque_rates(task: Task, constraints: TightenedConstraints) -> Array | None:
     problem = task.problem
     found = [each.torque_rate_limit(problem) for each in constraints.path_constraints]
     given = [limit for limit in found if limit is not None]
-    kept = 0.0 if problem.from_rest_to_rest else 100 * task.policy.curves.in_flight
+    kept = 0.0 if problem.from_rest_to_rest else 100 * task.policy.curves.velocity_error
     return (1 - kept) * np.min(given, axis=0) if given else None
 
 
@@ -200,7 +200,7 @@ def _rates(
 ) -> Iterator[_Equations]:
     """Limits of derivatives on one leg, by their control points; units of the derivatives by their order."""
     problem = task.problem
-    most = 1.0 if problem.from_rest_to_rest else 1 - task.policy.curves.in_flight
+    most = 1.0 if problem.from_rest_to_rest else 1 - task.policy.curves.velocity_error
     given = rate_limits(problem, constraints)
     for order in shape.orders:
         factors, scale = units[order] * basis.differences(order), finite(given[order])

@@ -22,12 +22,10 @@ from armdyn.optimal.curves.nlp_data import CurveSpec
 from armdyn.optimal.curves.refinement import RefinedCurve, refine_among_obstacles
 from armdyn.optimal.curves.sequential import SequenceSettings
 from armdyn.optimal.curves.solve import solve_in_steps
-from armdyn.optimal.problem.policy.policy import Policy
-from armdyn.optimal.problem.policy.search import SearchPolicy
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.status import Stop
 from armdyn.optimal.problem.task import Task
-from armdyn.optimal.verify.within_limits import least_factor
+from armdyn.optimal.verify.within_limits import PLACES, least_factor
 from armdyn.planning.paths import JointSpace, PlannerOptions, plan_paths
 
 LegPaths = list[Array]
@@ -35,8 +33,6 @@ LegPaths = list[Array]
 
 _TURN = np.pi
 """Range of a joint without limits around its given poses [rad or m]: half a turn in both directions."""
-_LINE = 17
-"""Number of joint positions of a line in a region: 19 mm apart for a line of 0.3 m."""
 _FASTEST = 3.2
 """Velocity limit [rad/s or m/s] above which all are scaled down, to keep collision checks within 0.064 rad."""
 _SLOWEST = 0.5
@@ -60,15 +56,14 @@ def plan_path(problem: MinimumTimeProblem, seed: int = 0) -> Array:
     Raises:
         ProblemError: the argument is no problem, or no path was found.
     """
-    numbers = Policy.of(expect_problem(problem)).search
-    candidates = list(paths_through(problem, numbers, whole(seed, "seed", least=0), Stop()))
+    candidates = list(paths_through(expect_problem(problem), whole(seed, "seed", least=0), Stop()))
     if not candidates:
         raise ProblemError(NO_PATH)
-    best = min(candidates, key=partial(_seconds, speed=_speed(problem, numbers)))
+    best = min(candidates, key=partial(_seconds, speed=_speed(problem)))
     return np.vstack([leg[bool(k) :] for k, leg in enumerate(best)])
 
 
-def paths_through(problem: MinimumTimeProblem, policy: SearchPolicy, seed: int, stop: Stop) -> Iterator[LegPaths]:
+def paths_through(problem: MinimumTimeProblem, seed: int, stop: Stop) -> Iterator[LegPaths]:
     """Paths through all poses of a problem, planned lazily; empty: no path was found."""
     lines = [_line(problem, leg) for leg in range(len(problem.poses) - 1)]
     if not problem.has_clearance:
@@ -77,7 +72,7 @@ def paths_through(problem: MinimumTimeProblem, policy: SearchPolicy, seed: int, 
     model, limits, poses = problem.collision_model(), problem.limits, np.asarray(problem.poses)
     lower = np.maximum(limits.position_lower, np.min(poses, axis=0) - _TURN)
     upper = np.minimum(limits.position_upper, np.max(poses, axis=0) + _TURN)
-    speed = _speed(problem, policy)
+    speed = _speed(problem)
     ends = np.min([model.distances_of(model.touching, q) for q in poses], axis=0)
     least = np.minimum(ends - problem.clearance, 0.0)  # as for other pairs, the curve restores the clearance
     slowest = 0.0 if np.all(problem.robot.slides) else _SLOWEST
@@ -105,7 +100,7 @@ def _line(problem: MinimumTimeProblem, leg: int) -> Array:
     regions = [one.region for one in every if one.leg in (None, leg)]
     if not regions:
         return np.array([first, last])
-    path = first + np.linspace(0, 1, _LINE)[:, None] * (last - first)
+    path = first + np.linspace(0, 1, PLACES)[:, None] * (last - first)
     for region in regions:
         half = replace(region, tolerance=tuple(0.5 * most for most in region.tolerance))
         near = [slid(problem.robot, half, q, np.zeros_like(q), problem.limits) for q in path[1:-1]]
@@ -123,10 +118,10 @@ def _seconds(paths: LegPaths, speed: Array) -> float:
     return sum(_times(paths, speed))
 
 
-def _speed(problem: MinimumTimeProblem, policy: SearchPolicy) -> Array:
-    """Velocity limits [rad/s or m/s], shape (nv,); `SearchPolicy.brisk` for a joint without a limit."""
+def _speed(problem: MinimumTimeProblem) -> Array:
+    """Velocity limits [rad/s or m/s], shape (nv,); the largest for a joint without a limit, 1 if there are none."""
     limits = problem.limits.velocity
-    return np.where(np.isfinite(limits), limits, policy.assumed_speed)
+    return np.where(np.isfinite(limits), limits, np.max(limits[np.isfinite(limits)], initial=1.0))
 
 
 def refined_paths(task: Task, planned: Iterator[LegPaths]) -> list[RefinedCurve]:
@@ -155,7 +150,7 @@ def refined_paths(task: Task, planned: Iterator[LegPaths]) -> list[RefinedCurve]
 
 def _guesses(task: Task, planned: Iterator[LegPaths]) -> Iterator[Curve]:
     """Curves along the first path and the shortest of the others, then the options' guesses."""
-    numbers, speed = task.policy.sequential, _speed(task.problem, task.policy.search)
+    numbers, speed = task.policy.sequential, _speed(task.problem)
     yield from (_guess(task, paths) for paths in islice(planned, 1))
     others = sorted(planned, key=partial(_seconds, speed=speed))
     yield from (_guess(task, paths) for paths in others[: numbers.paths - 1])
@@ -166,7 +161,7 @@ def _guesses(task: Task, planned: Iterator[LegPaths]) -> Iterator[Curve]:
 
 def _guess(task: Task, paths: LegPaths) -> Curve:
     """A curve along a path, slow enough for the torques where these shape the motion."""
-    problem, speed = task.problem, _speed(task.problem, task.policy.search)
+    problem, speed = task.problem, _speed(task.problem)
     times = _times(paths, speed)
     durations = task.policy.curves.slack * np.maximum(times, _ramp_times(problem) if problem.has_regions else 0.0)
     curve = Curve.along(paths, _bases(task, durations), durations, speed, flying=problem.has_regions)

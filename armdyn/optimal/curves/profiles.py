@@ -15,6 +15,7 @@ from armdyn.optimal.curves.curve import DEGREE, Basis, Curve, CurveLeg
 from armdyn.optimal.curves.excess import excesses_of, forced_snap, worst_excess
 from armdyn.optimal.curves.nlp_data import rate_limits
 from armdyn.optimal.mesh.candidates import SearchResult
+from armdyn.optimal.problem.checks import ROUNDING
 from armdyn.optimal.problem.planning_limits import Profiles
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.task import Task
@@ -28,8 +29,6 @@ _STEP = 1e-6
 _APART = 1e-5
 """Least time between two changes of jerks, as a part of the duration: of nearer ones each is moved by less than that,
 which changes accelerations by 1e-4 of their limits at most; the jerk of a leg of microseconds is rounding."""
-_ROUNDING = 1e-9
-"""The same of accelerations that jump."""
 _BERNSTEIN = np.array([[comb(i, k) / comb(DEGREE, k) for k in range(DEGREE)] for i in range(DEGREE + 1)])
 """Control points of the monomials to s³ on the basis of one interval, shape (DEGREE + 1, DEGREE)."""
 _ACCELERATIONS = np.array([0, 1, 1, 0, 0, -1, -1])[:, None]
@@ -82,7 +81,7 @@ def synchronous(problem: MinimumTimeProblem, limits: tuple[Array, ...]) -> Curve
     v = _before(a * phases + j * phases**2 / 2)
     q = _before(v * phases + a * phases**2 / 2 + j * phases**3 / 6)
     times = np.unique(starts)
-    apart = _APART if np.all(rising > 0) else _ROUNDING
+    apart = _APART if np.all(rising > 0) else ROUNDING
     times = np.append(times[np.diff(times, append=T) > apart * T], T)
     legs = []
     for begin, end in pairwise(times):
@@ -119,7 +118,7 @@ def _samples(task: Task, curve: Curve) -> list[int]:
     """Number of samples of every leg. Between samples h apart a jerk is off by up to h/2 M⁻¹τ''."""
     problem, numbers = task.problem, task.policy.curves
     jerk = np.inf if problem.jerk_limit is None else np.asarray(problem.jerk_limit)
-    least = numbers.profile_samples / curve.duration
+    least = task.policy.refinement.slow_samples / curve.duration
     counts = []
     for leg in curve.legs:
         off = float(np.max(np.abs(forced_snap(problem.robot, leg)) / jerk)) / 2

@@ -73,8 +73,7 @@ def find(task: Task) -> SearchResult:
         iterations, (mesh, meshes, share) = iterations + refined.iterations, finer
         # Meshes err for heavy arms, whose optima are near the straight path.
         near = replace(task, policy=task.policy.changed("search", spread=1.0, uniform_spread=0.0))
-        fewest = 0 if at_speed(task, refined.attempts[0].trajectory) else numbers.least_repeated
-        several = min(count, max(count // share, fewest))
+        several = count // share if at_speed(task, refined.attempts[0].trajectory) else count
         prepare_quickly(task, mesh, task.fine())
         with replace(near, intervals=mesh).pooled(has_stagewise(near)) as near:
             again = _searched(near, several, SearchSettings(meshes, task.coarse()), known=refined.attempts)
@@ -147,7 +146,7 @@ def _too_coarse(task: Task, found: Sequence[Attempt], refined: SearchResult) -> 
         The mesh for arc detection, the search's meshes, and the number of guesses.
     """
     numbers, mesh = task.policy.search, task.intervals
-    if not numbers.repeats or task.stop:
+    if task.problem.robot.nv == 1 or task.stop:
         return None
     slower = refined.attempts[0].cost / found[0].cost
     confirmed = slower > numbers.too_coarse_confirmed and all(

@@ -14,6 +14,7 @@ import numpy as np
 from armdyn.arrays import Array
 from armdyn.locks import built_once, one_at_a_time
 from armdyn.optimal.mesh.assembly import Program
+from armdyn.optimal.mesh.layout import KEPT
 from armdyn.optimal.problem.options import SolverSettings
 from armdyn.optimal.problem.status import Status, Stop
 
@@ -140,8 +141,6 @@ STATUS = {
     "User_Requested_Stop": Status.INTERRUPTED,
 }
 """IPOPT's return statuses."""
-_KEPT = 64
-"""Number of programs whose IPOPT stays in the cache."""
 
 
 class Ipopt(Generic[P]):
@@ -197,7 +196,7 @@ class Ipopt(Generic[P]):
         return np.array(self._solver.get_function("nlp_g")(x, p)).ravel()
 
 
-@built_once(maxsize=_KEPT)
+@built_once(maxsize=KEPT // 4)
 def ipopt_for(settings: SolverSettings, build: Callable[..., P], *arguments: Hashable) -> Ipopt[P]:
     """IPOPT for the program that a function builds from arguments; cached by these."""
     return Ipopt(build(*arguments), settings)

@@ -19,13 +19,13 @@ from armdyn.arrays import Array, Index
 from armdyn.locks import cached_property
 from armdyn.optimal.problem.options import Scheme
 
-_BODY = 10
+BODY = 10
 """Number of dynamic parameters of a body: mass, first moments, inertia."""
-_KEPT = 256
-"""Number of cached index arrays: a search solves hundreds of programs on a few meshes."""
+KEPT = 256
+"""Number of cached index arrays, and four times that of programs with IPOPT: a search solves hundreds on few meshes."""
 
 
-@lru_cache(_KEPT)
+@lru_cache(KEPT)
 def _places(first: int, size: int, block: int, blocks: int) -> Index:
     """Indices of a part of every block, shape (blocks, size)."""
     places = block * np.arange(blocks)[:, None] + first + np.arange(size)
@@ -33,7 +33,7 @@ def _places(first: int, size: int, block: int, blocks: int) -> Index:
     return places
 
 
-@lru_cache(_KEPT)
+@lru_cache(KEPT)
 def _condensed_places(full: "Layout", N: int) -> Index:
     """Index of each unknown of the condensed layout in the full one; see `CondensedLayout.kept`."""
     knots = full.knots(N)
@@ -241,14 +241,14 @@ class Parameters:
     @staticmethod
     def size(joints: int, intervals: int = 1) -> int:
         """Number of parameters: all but the fraction are common to all intervals."""
-        return intervals + 3 + 2 * joints + _BODY
+        return intervals + 3 + 2 * joints + BODY
 
     @classmethod
     def of(cls, p: Any, joints: int) -> Self:
         """Split an interval's parameter vector by name."""
         weights = slice(4, 4 + joints)
         effort = _after(weights, joints)
-        return cls(p[0], p[1], p[2], p[3], p[weights], p[effort], p[_after(effort, _BODY)])
+        return cls(p[0], p[1], p[2], p[3], p[weights], p[effort], p[_after(effort, BODY)])
 
     def packed(self) -> Array:
         """Concatenate the parameters; with the fractions of all intervals, shape (N,), the program's parameters."""

@@ -100,7 +100,7 @@ class _Meshes:
             knots = finer_knots(within, one, numbers)
             return knots if self.affordable(knots, self.work.reserve) else one.mesh
 
-        first = finer(attempt) if self.task.scheme.control == "linear" else mesh(numbers.intervals)
+        first = finer(attempt) if self.task.scheme.control == "linear" else mesh(4 * self.task.policy.search.fine_mesh)
         yield from on_finer_meshes(self.task, attempt, first, numbers, solve, finer)
 
     def sharp(self, rough: Attempt) -> Attempt:

@@ -192,7 +192,7 @@ def crossover_guesses(
         about = best[0].trajectory.duration
         task.progress(f"search: child {len(children)} of {count} of the best optima, about {about:.4f} s")
 
-        several = range(first + len(children), first + min(count, len(children) + numbers.round))
+        several = range(first + len(children), first + min(count, len(children) + 8 * numbers.batch))
         seeded = [(np.random.default_rng([task.options.seed, k]), k) for k in several]
         guesses = Guesses.joined([crossover(task.problem, parents, random, k, numbers) for random, k in seeded])
         children += in_batches(guess_jobs(task, guesses, [search_settings.for_guess(k) for k in several]), task)

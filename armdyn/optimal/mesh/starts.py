@@ -54,7 +54,7 @@ def via_guesses(
     if problem.via:  # a further pose on one of the legs
         legs = [int(random.integers(len(straight) + 1)) for _ in vias]
         return [straight, *([*straight[:leg], via, *straight[leg:]] for leg, via in zip(legs, vias, strict=True))]
-    to_and_fro = swing_up_guesses(problem, random, (count - 1) // 2, policy.swing_ups, policy.swing_up_distance)
+    to_and_fro = swing_up_guesses(problem, random, (count - 1) // 2, policy.swing_ups, policy.midpoint_spread)
     through = [[via] for via in vias]
     through[1 : 2 * len(to_and_fro) : 2] = to_and_fro
     return [straight, *through]

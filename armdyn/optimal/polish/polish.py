@@ -14,12 +14,11 @@ from armdyn.optimal.verify.arc import Arc, Mode
 from armdyn.optimal.verify.certificate import GOAL_TOLERANCE, OPTIMALITY_TOLERANCE
 from armdyn.optimal.verify.costates import Phases
 from armdyn.optimal.verify.rollout import gauss_steps, replay_of
+from armdyn.optimal.verify.within_limits import BETWEEN
 from armdyn.trajectory import Trajectory
 
 _QUADRATURE = tuple((np.polynomial.legendre.leggauss(5) + np.array([[1.0], [0.0]])) / 2)
 """Gauss points in a segment, as parts of it, and their weights: of order ten, integrals are right to 1e-6."""
-_SAMPLES = 8
-"""Samples of a segment: cubics between them err by 2e-5 of the largest speed; with one by 4e-3."""
 
 
 def polished(task: Task, motion: Trajectory, solved: set[Structure]) -> Phases | None:
@@ -174,9 +173,9 @@ def _sampled(names: tuple[str, ...], t: Array, states: Array, tau: Array) -> Tra
     """
     n = tau.shape[1]
     knots = Trajectory(t, states[:, :n], states[:, n:], np.vstack([tau, tau[-1:]]), names, "minimum time")
-    times = t[:-1, None] + np.linspace(0, 1, _SAMPLES + 1) * np.diff(t)[:, None]
+    times = t[:-1, None] + np.linspace(0, 1, BETWEEN + 1) * np.diff(t)[:, None]
     times[:, -1] = np.append(np.nextafter(t[1:-1], 0), t[-1])
-    times, held = times.ravel(), np.repeat(tau, _SAMPLES + 1, axis=0)
+    times, held = times.ravel(), np.repeat(tau, BETWEEN + 1, axis=0)
     kept = np.append(np.any(np.diff(held, axis=0) != 0, axis=1) | (np.diff(times) > 1e-13), True)
     return replace(knots, t=times[kept], q=knots(times[kept]).q, v=knots(times[kept]).v, tau=held[kept])
 

@@ -245,7 +245,7 @@ def slowed(task: Task, optimum: Optimum) -> Optimum:
     if not optimum.landed:
         return optimum
     path, whole = replay_of(task, dense(optimum.trajectory, numbers.slow_samples)), 1.0
-    for _ in range(numbers.slowing):
+    for _ in range(task.policy.path_constraints.rounds):
         whole *= factor
         found = _at_pace(task, optimum, path, whole)
         factor = least_slowing(task, found)

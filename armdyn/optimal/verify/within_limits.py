@@ -149,8 +149,8 @@ FASTER = 2.0
 energy by feedback that is half a period late, which samples so close are not."""
 PER_SAMPLE = 1 / FASTER
 """Largest bandwidth times a sample's length: at 1 the sampled feedback would become unstable."""
-_PLACES = 17
-"""Places along a motion at which the arm's fastest rate is estimated."""
+PLACES = 17
+"""Places along a motion at which the arm's fastest rate is estimated, and of a straight line in a region."""
 
 
 def follow(task: Task, target: Trajectory) -> Trajectory:
@@ -194,7 +194,7 @@ def _bandwidth(robot: Robot, target: Trajectory) -> float:
 
 def fastest_rate(robot: Robot, motion: Trajectory) -> float:
     """Fastest rate of falling or swinging from rest along a motion [1/s]: the root of an eigenvalue of ∂a/∂q."""
-    k = np.linspace(0, motion.t.size - 1, _PLACES).astype(int)
+    k = np.linspace(0, motion.t.size - 1, PLACES).astype(int)
     still = np.zeros_like(motion.v[k])
     hold = inverse_dynamics(robot)(motion.q[k], still, still)
     by_q = forward_dynamics_derivatives(robot)(motion.q[k], still, hold)[1]

@@ -55,7 +55,7 @@ def test_velocities_at_the_ends_are_equations():
     for place, v in ((0, job.problem.v_start), (-1, job.problem.v_goal)):
         np.testing.assert_allclose(lower[place] * job.problem.limits.velocity, v, rtol=1e-15)
         np.testing.assert_array_equal(lower[place], upper[place])
-    kept = 1 - job.policy.curves.in_flight
+    kept = 1 - job.policy.curves.velocity_error
     np.testing.assert_array_equal(upper[1:-1], kept)  # a motion in flight cannot be slowed down afterwards
     np.testing.assert_array_equal(lower[1:-1], -kept)
 

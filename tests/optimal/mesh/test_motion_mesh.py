@@ -91,8 +91,8 @@ def test_a_motion_is_recognised_on_its_second_mesh():
 def test_without_work_left_one_mesh_is_solved():
     task = task_of(work=0)
     work = MeshWork(task.policy.motion_mesh)
-    assert optimum_of(task, work).intervals == task.policy.motion_mesh.intervals
-    assert -work.left <= task.policy.motion_mesh.intervals * task.policy.motion_mesh.fewest
+    assert optimum_of(task, work).intervals == 4 * task.policy.search.fine_mesh
+    assert -work.left <= 4 * task.policy.search.fine_mesh * task.policy.motion_mesh.fewest
 
 
 def test_a_mesh_that_a_certified_motion_beats_by_far_is_given_up():

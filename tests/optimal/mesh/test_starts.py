@@ -17,7 +17,7 @@ from problems import POSES, cart, paper_problem
 
 arm_problem = cache(paper_problem)
 ANGLE = st.floats(-3, 3)
-SWINGS = (SearchPolicy.swing_ups, SearchPolicy.swing_up_distance)
+SWINGS = (SearchPolicy.swing_ups, SearchPolicy.midpoint_spread)
 
 
 @pytest.mark.parametrize("arm", POSES)

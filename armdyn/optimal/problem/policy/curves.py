@@ -64,13 +64,6 @@ class CurvePolicy:
         "twice as far",
         RESTING,
     )
-    in_flight: float = tuned(
-        1e-5,
-        "of a limit",
-        "reserve of velocity limits where a motion in flight at an end cannot be slowed down; of rates of torques, "
-        "which vary more, a hundred times that",
-        "UR5",
-    )
     checks: int = tuned(24, "places", "of an interval at which torques are checked; a multiple of 4")
     eager: float = tuned(
         1.5,
@@ -91,9 +84,6 @@ class CurvePolicy:
         3e-3, "of half the range", "excess that is accepted where time is then spent on calm joints"
     )
     rounds: int = tuned(8, "rounds", "of tightening limits that are exceeded between the points, and of slowing down")
-    profile_samples: int = tuned(
-        1000, "samples", "of a motion along the joints' profiles, at least; ten times that at most", "z1"
-    )
     profile_jerk_error: float = tuned(
         4e-3,
         "of a jerk limit",

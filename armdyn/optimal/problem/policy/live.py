@@ -17,7 +17,6 @@ class LivePolicy:
     intervals: int = tuned(24, "intervals", "of the curve; 28 take a quarter more time for 0.01 % of the duration")
     shortest: float = tuned(5e-3, "of the duration", "first and last interval; 1e-2 is 0.1 % slower")
     guess_torque: float = tuned(0.7, "of half the range", "that accelerates a guess, by the inertia at its start")
-    smooth: float = tuned(1e-6, "s", "weight of squared accelerations over velocity limits; costs 0.02 %")
     enough: float = tuned(5e-4, "of the duration", "largest change by the last step of a motion that is returned")
     reserve: float = tuned(
         1.5e-3,

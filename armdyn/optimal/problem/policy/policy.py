@@ -144,7 +144,6 @@ class Policy:
                 guess_duration=0.4 if many else 0.6 if some else 1.0,
                 mutated=0.4 if many else 0.0,
                 side_by_side=joints > 2 or (joints > 1 and (has_constraints or problem.pays_effort)),
-                repeats=joints > 1,
             ),
             curves=CurvePolicy(
                 cruises=speed_limited,

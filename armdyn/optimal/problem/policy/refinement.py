@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from armdyn.optimal.problem.policy.tuned import LARGE, PLANAR, tuned
+from armdyn.optimal.problem.policy.tuned import PLANAR, tuned
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -16,7 +16,6 @@ class RefinementPolicy:
         5.0, "-", "times the error of the certified one's mesh, that an optimum may be slower", "RRR, ten payloads"
     )
     slower: float = tuned(1.02, "of a certified duration", "largest such excess", "RRR, ten payloads")
-    slowing: int = tuned(6, "rounds", "of slowing a motion down to all limits; most take one or two", LARGE)
     slow_samples: int = tuned(1000, "samples", "of a motion that is slowed down or checked", "RR")
 
 
@@ -26,7 +25,6 @@ class MotionMeshPolicy:
 
     cases: ClassVar = "random arms (RR, seed 1)"
 
-    intervals: int = tuned(160, "intervals", "of the first mesh")
     most: int = tuned(
         4000, "knots", "of a mesh: more take a second; those that were certified took 4,200", "random arms (RRR)"
     )

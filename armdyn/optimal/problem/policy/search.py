@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
+from armdyn.optimal.problem.choices import SEARCH_LEVELS
 from armdyn.optimal.problem.options import MinimumTimeOptions
 from armdyn.optimal.problem.policy.tuned import PLANAR, UNRECORDED, by_kind, tuned
 
@@ -83,27 +84,14 @@ class SearchPolicy:
         "60 guesses had led to one optimum; with two joints 4.3 %",
         "RRR, random (seeds 8, 33, 123, poses within ±π); RR, random arms (seed 337)",
     )
-    quick: float = tuned(1 / 3, "of the guesses", 'search="quick"', "RRR, random")
-    thorough: float = tuned(
-        5.0, "of the guesses, and of the optima to refine", 'search="thorough"; without an early end', "RRR, random"
-    )
     neighbour_starts: int = by_kind(
         "guesses",
         "of a search from a neighbour's optimum; half with effort in the cost; beyond three joints the straight",
     )
     side_by_side: bool = by_kind("-", "in processes: up to two joints a fork takes as long as the solve")
-    repeats: bool = by_kind("-", "the search is repeated on a finer mesh that contradicts it")
     refined: int = tuned(4, "optima", "that are solved on a finer mesh")
     fine_solves: int = tuned(
         6, "times as many", "coarse optima are solved on the finer mesh: many are spurious", "RRR, random"
-    )
-    least_repeated: int = tuned(
-        120,
-        "guesses",
-        "of a repeated search on finer meshes, at least: 50 met the best optimum in three of eight searches, 80 in "
-        "four, 120 in all; at velocity limits a part of the guesses: 35 led to no slower motion of 26 than 50, 120 to "
-        "no faster one of 109",
-        "RRR, 1 kg",
     )
     only_listed: float = tuned(1.2, "of the best duration", "coarse solutions slower than that are only listed")
     too_coarse: float = tuned(
@@ -122,7 +110,6 @@ class SearchPolicy:
         "durations, in turn, of guesses in which joints without a motor swing up",
         "cart-pole, acrobot, pendubot, Furuta pendulum, their own and weaker motors",
     )
-    swing_up_distance: float = tuned(0.3, "of the way, rad or m", "least difference of such guesses", "the same")
     spread: float = by_kind("times the way", "standard deviation of random poses")
     uniform_spread: float = by_kind(
         "rad",
@@ -145,7 +132,6 @@ class SearchPolicy:
         "mutation in ten does",
         "RRR, random: the twelve hardest of a hundred pairs",
     )
-    round: int = tuned(32, "guesses", "mutated at once: each round forks anew", "RRR, random")
     selection_scale: float = tuned(
         3.0, "optima", "of the best, about, that are mutated most often, of twice as many", "RRR, random"
     )
@@ -163,9 +149,6 @@ class SearchPolicy:
         "search tests its early end after so many",
         "RRR, random: iterations of eight pairs dealt to 2, 4, 8 and 16 workers",
     )
-    assumed_speed: float = tuned(
-        10.0, "rad/s", "replaces a missing velocity limit where paths are compared", UNRECORDED
-    )
 
     def guesses(self, options: MinimumTimeOptions, normal: int | None = None) -> int:
         """Number of guesses that the options request.
@@ -174,13 +157,13 @@ class SearchPolicy:
             options: options with starts or the level of search.
             normal: number at the normal level; None: that of this search.
         """
-        factor = {"quick": self.quick, "normal": 1.0, "thorough": self.thorough}[options.search]
-        return options.starts or max(1, math.ceil(factor * (self.starts if normal is None else normal)))
+        own = self.starts if normal is None else normal
+        return options.starts or max(1, math.ceil(SEARCH_LEVELS[options.search] * own))
 
     def refinements(self, options: MinimumTimeOptions, normal: int | None = None) -> int:
         """Number of optima to refine that the options request; arguments as for `guesses`."""
         own = self.refined if normal is None else normal
-        return own * (round(self.thorough) if options.search == "thorough" else 1)
+        return own * max(1, round(SEARCH_LEVELS[options.search]))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,9 +173,6 @@ class GoalPolicy:
     cases: ClassVar = "RRR"
 
     solved: int = tuned(2, "goals", "solved in full, the best by one coarse solve each", "UR5: eight branches")
-    too_slow: float = tuned(
-        1.05, "of the best coarse duration", "goals with larger bounds by velocity limits are not tried", "UR5"
-    )
     tried: float = tuned(1 / 3, "of the time limit", "for coarse solves of all goals, at most", UNRECORDED)
     slides: int = tuned(25, "linear programs", "for each goal, at most", "UR5, Panda: positions")
     largest_step: float = tuned(
@@ -267,9 +247,6 @@ class CyclePolicy:
         "of the duration",
         "by which other tours may still be shorter when a quick search ends: bounds ignore straight segments and "
         "obstacles, so that most tours would have to be solved",
-    )
-    bound_part: float = tuned(
-        0.1, "of the time limit", "for the bound of the whole cycle, where the search has used it up"
     )
     bound_programs: int = tuned(
         600,

@@ -34,15 +34,15 @@ def problem(kind):
 
 
 TABLE = {
-    # kind: starts, condensed, flat, linear, again, curves alone, their starts, neighbour_starts
-    "r": (1, True, None, False, False, False, 4, 1),
-    "rr": (32, True, None, False, True, False, 4, 8),
-    "rrr": (140, True, None, False, True, False, 4, 12),
-    "rr ball": (16, False, 1e-4, False, True, False, 4, 8),
-    "rr jerk": (16, False, 1e-4, True, True, False, 4, 8),
-    "rr via": (16, False, None, False, True, False, 4, 8),
-    "rr effort": (16, True, None, True, True, False, 4, 4),
-    "ur5": (100, True, None, False, True, True, 1, 1),
+    # kind: starts, condensed, flat, linear, curves alone, their starts, neighbour_starts
+    "r": (1, True, None, False, False, 4, 1),
+    "rr": (32, True, None, False, False, 4, 8),
+    "rrr": (140, True, None, False, False, 4, 12),
+    "rr ball": (16, False, 1e-4, False, False, 4, 8),
+    "rr jerk": (16, False, 1e-4, True, False, 4, 8),
+    "rr via": (16, False, None, False, False, 4, 8),
+    "rr effort": (16, True, None, True, False, 4, 4),
+    "ur5": (100, True, None, False, True, 1, 1),
 }
 
 
@@ -51,7 +51,7 @@ def test_numbers_that_depend_on_the_kind_of_problem(kind):
     policy = Policy.of(problem(kind))
     program, search, curves = policy.program, policy.search, policy.curves
     found = (
-        search.starts, program.condensed, program.flat, program.linear, search.repeats,
+        search.starts, program.condensed, program.flat, program.linear,
         policy.strategy.curves_alone, curves.starts, search.neighbour_starts,
     )  # fmt: skip
     assert found == TABLE[kind]
