@@ -294,7 +294,7 @@ def within_constraints(
     rubs = bool(np.any(np.asarray(problem.robot.friction.coulomb) > 0))
     finer = task.policy.curves.finer[1:] if rubs else ()
     needed = can_be_slowed(problem) and (rubs or not constraints_mended(task, reports))
-    for k in range(len(finer) + task.policy.refinement.slowing if needed else 0):
+    for k in range(len(finer) + task.policy.path_constraints.rounds if needed else 0):
         if reports.slowing == 1 or not np.isfinite(reports.slowing):
             break
         if k >= len(finer):
