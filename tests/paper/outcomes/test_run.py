@@ -46,8 +46,8 @@ def test_two_links_with_1_kg_cost_less_than_the_references():
     outcome = computed.outcome(Case(2, "rr", "time_energy", 1.0, "mM"))
     assert outcome.facts["certified"]
     assert outcome.facts["objective"] < 0.97 * 1.2197794
-    # J is flat in the time there: the two methods, of 1e-10, hold it to 1e-9.
-    assert outcome.facts["indirect_time_s"] == pytest.approx(outcome.time, abs=1e-7)
+    # J is flat in the time there: a mesh's linear torques, right to 1e-9 of J, hold it to 3e-7 s.
+    assert outcome.facts["indirect_time_s"] == pytest.approx(outcome.time, abs=1e-6)
 
 
 def test_a_neighbour_is_where_the_search_begins(monkeypatch):

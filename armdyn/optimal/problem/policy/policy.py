@@ -123,7 +123,7 @@ class Policy:
         some = plain and joints == 2
         starts = _by_joints(joints, 1, 32 if some else 16 if motors else 40, 140 if many else 100)
         if problem.effort_weight > 0:
-            starts = _by_joints(joints, 2, 16, 24)
+            starts = _by_joints(joints, 2, 64, 24)
         return cls(
             strategy=_strategy(problem, motors, speed_limited),
             program=ProgramPolicy(

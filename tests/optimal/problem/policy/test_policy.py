@@ -41,7 +41,7 @@ TABLE = {
     "rr ball": (16, False, 1e-4, False, False, 4, 8),
     "rr jerk": (16, False, 1e-4, True, False, 4, 8),
     "rr via": (16, False, None, False, False, 4, 8),
-    "rr effort": (16, True, None, True, False, 4, 4),
+    "rr effort": (64, True, None, True, False, 4, 4),
     "ur5": (100, True, None, False, True, 1, 1),
 }
 
