@@ -21,16 +21,20 @@ _MOST_RAISED = 4
 
 
 def with_saving(solution: Solution, options: MinimumTimeOptions) -> Solution:
-    """The solution whose first share has `saved` and `ties`; unchanged if its limit cannot be raised, or time is up.
+    """Solve again with the deciding limit raised by `MORE`; store the time saved, and the limits that tie with it.
 
-    To first order a limit saves its share at most, and nothing where another limit ties with it: where both decide
-    the same time, more of one alone does not help. So the problem is solved again, from the solution's motion; if
-    that hardly saves time, also with more of the limit that then decides most, until it does. Joints that tie are not
-    idle.
+    To first order a limit raised by `MORE` saves at most `MORE` times its share of the duration, and nothing where
+    another limit ties with it: where both decide the same time, raising one alone does not help. So the problem is
+    solved again from the solution's motion; if that hardly saves time, the limit with the largest share then is raised,
+    too, until it does. Joints of these limits are not idle.
 
     Args:
-        solution: of a minimum-time problem.
-        options: of its solve, with a time limit for all further solves.
+        solution: solution of a minimum-time problem.
+        options: options of its solve, with a time limit for all further solves.
+
+    Returns:
+        The solution with `saved` and `ties` in the first share of `decides`; unchanged if there is none, if its limit
+        cannot be raised, or if time is up.
     """
     if not solution.decides or not solution.usable:
         return solution

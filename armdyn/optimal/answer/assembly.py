@@ -103,19 +103,20 @@ def failed(task: Task, found: SearchResult, elapsed: float) -> Solution:
 def _chosen(task: Task, optima: list[Optimum], bound: float | None) -> tuple[Optimum, list[Optimum]]:
     """The best of the optima, with its certificate complete, and the others.
 
-    They are completed in turn, best first: one that another integrator does not repeat comes behind the next one, and
-    one that is not certified behind a certified one that is as fast.
+    Optima are completed in turn, best first. This may lower the rank of an optimum, whose replay by another integrator
+    may miss the goal or exceed limits: then the next one is completed, too. So are those as fast as a best one that is
+    not certified: a certified one of them is preferred.
     """
-    left, known = sorted(optima, key=_order), list[Optimum]()
+    left, completed = sorted(optima, key=_order), list[Optimum]()
     while left:
-        best = min(known, key=_order, default=None)
+        best = min(completed, key=_order, default=None)
         doubtful = best is not None and not best.certificate.ok and _alike(task, left[0], best)
         if best is not None and _order(best) <= _order(left[0]) and not doubtful:
             break
-        known.append(_completed(task, left.pop(0), bound))
-    best = min(known, key=_order)
-    best = min((one for one in known if _alike(task, one, best)), key=lambda one: not one.certificate.ok)
-    return best, [one for one in (*known, *left) if one is not best]
+        completed.append(_completed(task, left.pop(0), bound))
+    best = min(completed, key=_order)
+    best = min((one for one in completed if _alike(task, one, best)), key=lambda one: not one.certificate.ok)
+    return best, [one for one in (*completed, *left) if one is not best]
 
 
 def _completed(task: Task, optimum: Optimum, bound: float | None) -> Optimum:

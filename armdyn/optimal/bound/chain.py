@@ -70,15 +70,19 @@ def chain_bound(
 
 
 def _bounded(runs: Sequence[_Run], longest: float, effort: Effort) -> float:
-    """Lower bound on the duration of consecutive runs [s]."""
-    found, rests = [run.least for run in runs], effort.others
+    """Lower bound on the duration of consecutive runs [s], at most `longest`; see `chain_bound`.
+
+    A run has at most the time that the bounds of the other runs leave. While it is under work, these are part of
+    `effort.others`, for the report.
+    """
+    found, before = [run.least for run in runs], effort.others
     order = sorted(range(len(runs)), key=lambda k: len(runs[k].legs))  # point to point first: less time is left
     for done, k in enumerate(order):
         others = sum_down([one for j, one in enumerate(found) if j != k])
-        effort.others = rests + others
+        effort.others = before + others
         with effort.shared(len(runs) - done):
             found[k] = runs[k].bounded(longest - others, effort)
-    effort.others = rests
+    effort.others = before
     return min(sum_down(found), longest)
 
 

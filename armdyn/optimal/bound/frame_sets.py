@@ -169,10 +169,10 @@ class GoalSet:
         return [(one, turns) for one, turns in found if np.any(self.within.times(one, none) < self.within.duration)]
 
     def enclosed(self, boxes: Interval, small: float, stop: StopCondition) -> Interval:
-        """Boxes that enclose the part of the goal set within given boxes, up to whole turns of joints.
+        """Narrow and bisect boxes until small; together they enclose the goal set within the given ones, up to turns.
 
         Args:
-            boxes: boxes that enclose it, shape (boxes, nv).
+            boxes: boxes to examine, shape (boxes, nv).
             small: boxes in which no joint moves the frame by more than this [m, or rad of its orientation] are not
                 bisected.
             stop: stopping condition, polled regularly; once true, unexamined boxes are kept.
@@ -180,24 +180,24 @@ class GoalSet:
         Returns:
             Boxes, shape (boxes, nv), possibly none.
         """
-        closing, levers, examined = closure(self.dynamics, self.goal), self.levers, 0
+        equations, levers, examined = closure(self.dynamics, self.goal), self.levers, 0
         kept: list[Interval] = [boxes[:0]]
         while len(boxes.lower) and examined < self.policy.most_boxes and not stop():
             order = np.argsort(self.within.times(boxes, self.turning), kind="stable")
-            now, later = boxes[order[: self.policy.few]], boxes[order[self.policy.few :]]
-            examined += len(now.lower)
-            forms = self._widened(closing.forms(now.turned((1, 0))))
-            now, left = narrowed(now, forms, self.policy)
-            near = self.within.times(now, self.turning) < self.within.duration
-            now, left = now[near], left[near]
-            reach = (now.upper - now.lower) * levers
+            batch, later = boxes[order[: self.policy.few]], boxes[order[self.policy.few :]]
+            examined += len(batch.lower)
+            forms = self._widened(equations.forms(batch.turned((1, 0))))
+            batch, left = narrowed(batch, forms, self.policy)  # left: their indices in `forms`
+            near = self.within.times(batch, self.turning) < self.within.duration
+            batch, left = batch[near], left[near]
+            reach = (batch.upper - batch.lower) * levers
             widest = np.max(reach, axis=1, initial=0.0)
             wide = widest > small
             # Bisect, among the wide joints, the one with the largest part in some equation's range.
             shares = np.max(np.abs(forms.gradient[..., left]) / (forms.far[:, None, left] + TOLERANCE), axis=0).T
-            cut = (reach >= self.policy.cut * widest[:, None]) * (shares + TOLERANCE) * (now.upper - now.lower)
-            kept.append(now[~wide])
-            boxes = joined([later, *_halves(now[wide], np.argmax(cut[wide], axis=1))])
+            cut = (reach >= self.policy.cut * widest[:, None]) * (shares + TOLERANCE) * (batch.upper - batch.lower)
+            kept.append(batch[~wide])
+            boxes = joined([later, *_halves(batch[wide], np.argmax(cut[wide], axis=1))])
         return joined([*kept, boxes])
 
     def shrunk(self, boxes: Interval, stop: StopCondition) -> Interval:

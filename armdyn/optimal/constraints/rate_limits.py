@@ -192,7 +192,12 @@ def _taper(problem: MinimumTimeProblem) -> VelocityTaper:
 
 
 def _beyond(stages: Stages, numbers: ca.SX) -> ca.SX:
-    """Excess of positions over the largest ones allowed at their velocities, over the joints' ranges."""
+    """Distances beyond the positions at which the velocities are just allowed, as parts of the ranges; allowed up to 0.
+
+    Args:
+        stages: stages of an interval.
+        numbers: lower, upper, gain and offset of the taper, and the tightened part of the limits, shape (4 nv + 1,).
+    """
     n = stages.effort.numel()
     lower, upper, gain, offset, part = ca.vertsplit(numbers, [0, n, 2 * n, 3 * n, 4 * n, 4 * n + 1])
     # The first stage is the last of the interval before.

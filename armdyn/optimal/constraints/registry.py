@@ -43,9 +43,13 @@ PATH_CONSTRAINTS: tuple[type[PathConstraint], ...] = (
 
 
 def path_constraints_of(problem: MinimumTimeProblem) -> tuple[PathConstraint, ...]:
-    """Path constraints of a problem: those of its arguments, and its `path_constraints`."""
-    by_keyword = (kind.from_problem(problem) for kind in PATH_CONSTRAINTS)
-    found = [constraint for constraint in by_keyword if constraint is not None]
+    """All path constraints of a problem: those that its other arguments imply, such as `via`, and `path_constraints`.
+
+    Raises:
+        ProblemError: one of `path_constraints` does not derive from `PathConstraint`.
+    """
+    implied = (kind.from_problem(problem) for kind in PATH_CONSTRAINTS)
+    found = [constraint for constraint in implied if constraint is not None]
     for constraint in problem.path_constraints:
         if not isinstance(constraint, PathConstraint):
             raise ProblemError(f"{constraint!r} has a name, but no rows and no check: derive it from PathConstraint")

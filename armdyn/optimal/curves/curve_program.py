@@ -41,12 +41,12 @@ class TorquePrices:
         return float(np.sum(self._prices(x) * tau**2) + np.sum(steps)) / 2
 
     def gradient(self, x: Array, at: TorqueParts) -> Array:
-        """Gradient in the unknowns, with dependent torques, shape (unknowns,)."""
-        gradient = self._prices(x) * at.tau
+        """Total derivative of the cost by the unknowns, on which the torques depend, shape (unknowns,)."""
+        by_torque = self._prices(x) * at.tau
         steps = self.steps[:, None] * np.diff(at.tau, axis=0)
-        gradient[1:] += steps
-        gradient[:-1] -= steps
-        out = at.jacobian.T @ gradient.ravel()
+        by_torque[1:] += steps
+        by_torque[:-1] -= steps
+        out = at.jacobian.T @ by_torque.ravel()
         np.add.at(out, self.duration_of_point, np.sum(self.effort * at.tau**2, axis=1) / 2)
         return np.asarray(out)
 
@@ -82,7 +82,7 @@ class CurveCost:
         return cost if self.torques is None else cost + self.torques.value(x, tau)
 
     def gradient(self, x: Array, at: TorqueParts) -> Array:
-        """Gradient in the unknowns, with dependent torques, shape (unknowns,)."""
+        """Total derivative of the cost by the unknowns, on which the torques depend, shape (unknowns,)."""
         out = self.moving @ x
         if at.lead is not None:
             out[self.durations] += at.lead @ out

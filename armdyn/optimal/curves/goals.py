@@ -88,12 +88,15 @@ def _time(positions: Sequence[Array], speed: Array, numbers: GoalPolicy) -> floa
 def _moved(
     robot: Robot, goals: Sequence[GoalPose | None], at: Sequence[Array], steps: Array, limits: JointLimits
 ) -> list[Array] | None:
-    """Positions after steps, shape (positions, nv), projected onto their poses; None: a projection failed."""
+    """Joint positions `at` moved by steps, shape (positions, nv), and projected onto their goal poses.
+
+    None: a projection failed.
+    """
     moved = list(at)
     for k, (goal, q) in enumerate(zip(goals, at, strict=True)):
         if goal is None or not np.any(steps[k]):
             continue
-        if k and k == len(at) - 1 and goal is goals[0]:
+        if k and k == len(at) - 1 and goal is goals[0]:  # a closed chain: see `slid_chain`
             moved[k] = moved[0]
             continue
         found = slid(robot, goal, q, steps[k], limits)

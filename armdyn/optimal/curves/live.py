@@ -104,12 +104,13 @@ class LiveProblem:
         return cls(problem, numbers, basis, _curve_program(problem, numbers, basis), joint_inertia(problem.robot))
 
     def for_problem(self, problem: MinimumTimeProblem) -> Self:
-        """The same limits with another start state and goal, and perhaps another payload."""
+        """Reuse the program for a problem with the same limits but another start state, goal, or payload."""
         program, inertia, robot = self.program, self.inertia, problem.robot
         if robot is not self.problem.robot:
             rows = _torque_rows(problem, self.basis, program.shape)
             program, inertia = replace(program, torque_rows=rows), joint_inertia(robot)
         lead, constraint = np.zeros(self.program.shape.size), ClearanceConstraint.from_problem(problem)
+        # For the velocity at the start, control point 1 is q_start + v_start T / factor.
         lead[self.points[1]] = np.asarray(problem.v_start) / self.basis.factors(1)[0]
         distances = None if constraint is None else Distances(constraint)
         program = replace(program, lead=lead)

@@ -125,7 +125,7 @@ def _speed(problem: MinimumTimeProblem) -> Array:
 
 
 def refined_paths(task: Task, planned: Iterator[LegPaths]) -> list[RefinedCurve]:
-    """The fastest curve along planned paths and the options' guesses, refined; empty if there is none.
+    """Solve from planned paths and the options' guesses, and refine the fastest curve; empty if none was solved.
 
     Args:
         task: task with distance constraints.

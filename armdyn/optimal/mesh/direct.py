@@ -99,9 +99,20 @@ class Legs:
 
 
 def legs_of(problem: MinimumTimeProblem, guess: Trajectory, intervals: int, knots: Array | None = None) -> Legs:
-    """Distribute intervals over legs by a guess's times at the via points.
+    """Distribute the intervals of a mesh over the legs between via points.
 
-    Every leg gets intervals in proportion to its time, and a few at least; of given knots, those between.
+    The guess passes a via point at its sample nearest to it, of those after the via point before. Without knots a leg
+    gets intervals in proportion to its time, at least four if there are enough.
+
+    Args:
+        problem: problem with the via points.
+        guess: motion whose times at the via points divide the duration.
+        intervals: number of intervals; ignored with `knots`.
+        knots: knots of a mesh as parts of the duration, shape (intervals + 1,): each leg gets the intervals between the
+            knots nearest to its ends; None: no knots are given.
+
+    Raises:
+        ValueError: fewer intervals than legs.
     """
     marks, first = [float(guess.t[0])], 0
     inner = problem.poses[1:-1]

@@ -129,7 +129,10 @@ class _Meshes:
         return self.work.left - spare >= self.task.policy.motion_mesh.fewest * (knots.size - 1)
 
     def _settings(self, rough: bool = False) -> SolverSettings:
-        """Settings from a near solution: of the last meshes, or of the rough ones before."""
+        """Settings of a solve from the solution on another mesh: of the last mesh, or of the rough ones before.
+
+        `MotionMeshPolicy` says why its numbers are multiplied.
+        """
         numbers = self.task.policy.motion_mesh
         error, decrease = 100 * numbers.tolerance, numbers.decrease * (30 if rough else 1)
         return SolverSettings(
@@ -355,9 +358,12 @@ def _settled(meshes: _Meshes, mesh: Attempt, best: _Judged) -> _Judged:
 
 
 def _within_margins(meshes: _Meshes, mesh: Attempt, optimum: Optimum) -> Optimum:
-    """Solve on the same mesh with larger margins until the motion is usable; the motion before if none is.
+    """Solve on the same mesh with wider margins of the limits until the motion is usable.
 
-    An unstable motion can be repeated only under feedback, for which torques on their limits leave no range.
+    The given motion is returned if none is, or if a usable one that is as fast is known.
+
+    The torque limits get a margin if the replay misses the goal: an unstable motion can be repeated only under
+    feedback, for which torques on their limits leave no range.
     """
     task, margins, last = meshes.task, MeshMargins(), optimum
     if meshes.work.usable_by(optimum.cost):

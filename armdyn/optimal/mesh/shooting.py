@@ -174,8 +174,8 @@ def _newton_step(
     carried[0] = 0.0  # first and last state are fixed
     own = np.append(np.ones(K - 1), 0.0)
     diagonal = moved @ moved.swapaxes(1, 2) + carried @ carried.swapaxes(1, 2) + own[:, None, None] * np.eye(2 * n)
-    beyond = -carried[1:].swapaxes(1, 2)  # block (k, k + 1)
-    matrix = _banded(diagonal, beyond)
+    above = -carried[1:].swapaxes(1, 2)  # block (k, k + 1)
+    matrix = _banded(diagonal, above)
     try:
         both = solveh_banded(matrix, np.stack([gap.ravel(), by_time.ravel()], axis=1), lower=True)
     except LinAlgError:
@@ -191,17 +191,17 @@ def _newton_step(
     return replace(motion, t=motion.t * (1 - stretch), x=x, tau=tau), free
 
 
-def _banded(diagonal: Array, beyond: Array) -> Array:
-    """Lower bands of a symmetric block tridiagonal matrix, for `solveh_banded`.
+def _banded(diagonal: Array, above: Array) -> Array:
+    """Diagonals of a symmetric block tridiagonal matrix from the main one down, for `solveh_banded`; shape (2 m, K m).
 
     Args:
         diagonal: diagonal blocks, shape (K, m, m).
-        beyond: blocks above the diagonal, shape (K - 1, m, m).
+        above: blocks above the diagonal, shape (K - 1, m, m).
     """
     K, m, _ = diagonal.shape
     blocks = np.zeros((K, 2 * m, m))  # a column of blocks: the diagonal one and the one below
     blocks[:, :m] = diagonal
-    blocks[:-1, m:] = beyond.swapaxes(1, 2)
+    blocks[:-1, m:] = above.swapaxes(1, 2)
     bands = np.zeros((2 * m, K, m))
     for column in range(m):
         bands[: 2 * m - column, :, column] = blocks[:, column:, column].T

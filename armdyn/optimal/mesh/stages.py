@@ -228,9 +228,10 @@ class _Interval:
             nu: ν, of the middle's state x_m.
         """
         n, h, dh = self.n, self.h, self.dh
-        none, one = ca.SX(2 * n, 2 * n), ca.SX.eye(2 * n)
-        to_left = ca.horzcat(left.by_state, left.by_torque, none, ca.SX(2 * n, 1))
-        to_right = ca.horzcat(none, right.by_torque, right.by_state, ca.SX(2 * n, 1))
+        zero, one = ca.SX(2 * n, 2 * n), ca.SX.eye(2 * n)
+        # Jacobians of F in y at the three points, shape (2 n, 5 n + 1).
+        to_left = ca.horzcat(left.by_state, left.by_torque, zero, ca.SX(2 * n, 1))
+        to_right = ca.horzcat(zero, right.by_torque, right.by_state, ca.SX(2 * n, 1))
         along_T = ca.horzcat(ca.SX(1, 5 * n), ca.SX.eye(1))
         ends = ca.horzcat(one, ca.SX(2 * n, n), one, ca.SX(2 * n, 1)) / 2
         moved = ends + h / 8 * (to_left - to_right) + dh / 8 * self.fall(left, right) @ along_T

@@ -166,7 +166,10 @@ def _step(motion: BangMotion) -> tuple[Array, Array] | None:
 
 
 def _accepted(motion: BangMotion, change: Array, costate: Array) -> BangMotion | None:
-    """The motion after the whole step or a part of it that improves merit or errors; None: no part does."""
+    """Line search: the motion after the largest part 1, 1/2, 1/4, … of a step that lowers the merit or the errors.
+
+    The merit is the duration plus an exact penalty of the gaps. None: no part lowers either.
+    """
     price = 2 * np.max(np.abs(costate))
 
     def merit(one: BangMotion) -> float:

@@ -132,14 +132,26 @@ def switches_of(motion: Trajectory, limits: ActuatorLimits, least: float = 0.0) 
 
 
 def _switches(levels: Array, signs: Array, begin: Array, lengths: Array, least: float) -> tuple[float, Array]:
-    """Switching times of one joint, and -1 if the first comes within the first interval, whose mean hides it."""
+    """Switching times of one joint, and -1 if the torque begins on the limit opposite to the first interval's mean.
+
+    Where the mean torque changes its sign from an interval to the next, the torque switches once. An interval away
+    from such changes, of which a part is on the opposite limit while both neighbours are wholly on theirs, holds two
+    switches, placed around its middle; the first and the last interval hold one.
+
+    Args:
+        levels: mean torques of the intervals, -1 and 1 on the limits, shape (K,).
+        signs: their signs, shape (K,).
+        begin: starts of the intervals [s], shape (K,).
+        lengths: lengths of the intervals [s], shape (K,).
+        least: see `switches_of`.
+    """
     away = (1 - np.abs(levels)) / 2 * lengths  # time on the other limit
-    last = np.flatnonzero(np.diff(signs) != 0)
+    last = np.flatnonzero(np.diff(signs) != 0)  # intervals before a change of sign
     times = [begin[last + 1] - away[last] + away[last + 1]]
-    beside = np.zeros(levels.size + 2, bool)
-    beside[last + 1] = beside[last + 2] = True
+    at_change = np.zeros(levels.size, bool)
+    at_change[last] = at_change[last + 1] = True
     full = np.pad(np.abs(levels) > 1 - 2 * least, 1, constant_values=True)
-    alone = (away > least * lengths) & full[:-2] & full[2:] & ~beside[1:-1]
+    alone = (away > least * lengths) & full[:-2] & full[2:] & ~at_change
     at_start, at_end = bool(alone[0]), bool(alone[-1])
     times += [begin[:1] + away[:1]] * at_start + [begin[-1:] + lengths[-1:] - away[-1:]] * at_end
     alone[[0, -1]] = False

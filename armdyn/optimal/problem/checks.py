@@ -237,7 +237,7 @@ def check_pace(problem: Any) -> None:
         least = (factor * way / limit) ** (1 / order)
         joint = int(np.argmax(least))
         if least[joint] > LONGEST:
-            unit = "m" if problem.robot.slides[joint] else "rad"
+            unit = joint_unit(problem.robot.slides[[joint]])
             per = f"{unit}/s{('', '²', '³')[order - 1]}"
             raise ProblemError(
                 f"joint {problem.robot.joint_names[joint]!r} has {name} limit {limit[joint]:g} {per}: its way of "
