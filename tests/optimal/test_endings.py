@@ -58,7 +58,7 @@ def test_equations_that_take_longer_than_is_left_are_not_begun(read):
     began, still = time.process_time(), np.zeros(robot.nv)
     problem = ad.MinimumTimeProblem(robot, q_start=still, q_goal=still + 0.1)
     solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(time_limit=0.1, bound=False))
-    # Where what precedes the equations is quick, a first step without them is begun in time, and may find a motion.
+    # Without a step the answer is the straight path itself, replayed: it is a motion of this strong arm.
     assert solution.status is ad.Status.TIME_LIMIT and (solution.usable or not solution.moves)
     assert "the time limit of 0.1 s ended the search" in solution.message
     assert time.process_time() - began < 10.0  # the dynamics take 2, the equations would 6 more, the solver 20

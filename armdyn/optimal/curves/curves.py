@@ -309,7 +309,7 @@ def _landed(task: Task, refined: RefinedCurve) -> Optimum:
         curve = curve.slower(max((1 + task.policy.curves.velocity_error) * fastest, 1.0))
     # `follow` integrates as `replay_torques` does, sample by sample; `repeated` uses another integrator.
     replay = follow(task, sampled(task, curve))
-    # Where friction jumps, or the arm is unstable, `refine.slowing` would end off the goal.
+    # Where friction jumps, or the arm is unstable, `slowed` would end off the goal.
     for _ in range(task.policy.curves.rounds if can_be_slowed(problem) else 0):
         factor = least_factor(problem.robot, problem.limits, replay, LIMIT_TOLERANCE)
         if not 1 < factor < 1 + task.policy.curves.most_excess:

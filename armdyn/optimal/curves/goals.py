@@ -13,7 +13,7 @@ from armdyn.models.scene.reaching import GoalPose, free_directions, slid
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.constraints.regions import GoalRegion
 from armdyn.optimal.curves.curve import Curve
-from armdyn.optimal.curves.nlp_data import CurveSpec
+from armdyn.optimal.curves.nlp_data import CurveSpec, finite
 from armdyn.optimal.curves.solve import solve_curve, straight_curve
 from armdyn.optimal.mesh.direct import solve_on_mesh
 from armdyn.optimal.mesh.multistart import grouped
@@ -38,7 +38,7 @@ def slid_goals(problem: MinimumTimeProblem, numbers: GoalPolicy) -> list[Array]:
     goal = problem.goal_pose
     if goal is None or not free_directions(problem.robot, goal, problem.goals[0]).size:
         return []
-    speed = _finite(problem.limits.velocity)
+    speed = finite(problem.limits.velocity)
     begin = problem.poses[-2]
     found = [slid_chain(problem.robot, [None, goal], [begin, q], problem.limits, numbers)[1] for q in problem.goals]
     found.sort(key=lambda q: _time([begin, q], speed, numbers))
@@ -62,7 +62,7 @@ def slid_chain(
         limits: limits of positions and velocities.
         numbers: settings of the descent.
     """
-    at, speed, longest = list(positions), _finite(limits.velocity), numbers.largest_step
+    at, speed, longest = list(positions), finite(limits.velocity), numbers.largest_step
     for _ in range(numbers.slides):
         step = _step(robot, goals, at, limits, longest, numbers.others)
         moved = None if step is None else _moved(robot, goals, at, step, limits)
@@ -73,10 +73,6 @@ def slid_chain(
         if longest < numbers.least_step:
             break
     return at
-
-
-def _finite(velocity: Array) -> Array:
-    return np.where(np.isfinite(velocity), velocity, 1.0)
 
 
 def _time(positions: Sequence[Array], speed: Array, numbers: GoalPolicy) -> float:
@@ -118,7 +114,7 @@ def _step(
 
     None: the linear program was not solved.
     """
-    nv, legs, speed = robot.nv, len(at) - 1, _finite(limits.velocity)
+    nv, legs, speed = robot.nv, len(at) - 1, finite(limits.velocity)
     same = goals[0] is not None and goals[-1] is goals[0]
     free = [
         np.zeros((nv, 0)) if goal is None else free_directions(robot, goal, q)

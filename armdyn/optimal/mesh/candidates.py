@@ -68,7 +68,7 @@ def find(task: Task) -> SearchResult:
         iterations = sum(attempt.iterations for attempt in attempts)
         if not found:
             return SearchResult((), failed=tuple(attempts), iterations=iterations)
-        refined = _refined(pooled, found)
+        refined = _told_apart(pooled, found)
     if finer := _too_coarse(task, found, refined):
         iterations, (mesh, meshes, share) = iterations + refined.iterations, finer
         # Meshes err for heavy arms, whose optima are near the straight path.
@@ -78,7 +78,7 @@ def find(task: Task) -> SearchResult:
         with replace(near, intervals=mesh).pooled(has_stagewise(near)) as near:
             again = _searched(near, several, SearchSettings(meshes, task.coarse()), known=refined.attempts)
             found = distinct([*refined.attempts, *again], *same)
-            refined = _refined(near, found)
+            refined = _told_apart(near, found)
         iterations += sum(attempt.iterations for attempt in again)
     return replace(refined, iterations=iterations + refined.iterations)
 
@@ -108,7 +108,7 @@ def _searched(
     return attempts
 
 
-def _refined(task: Task, found: Sequence[Attempt]) -> SearchResult:
+def _told_apart(task: Task, found: Sequence[Attempt]) -> SearchResult:
     """The best distinct coarse optima, on the first mesh for arc detection and in its order.
 
     Args:

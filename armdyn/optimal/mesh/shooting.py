@@ -18,7 +18,7 @@ from armdyn.models.robots.robot import Robot
 from armdyn.optimal.mesh.direct import Attempt
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.task import Task
-from armdyn.optimal.verify.rollout import ACCURACY, gauss_steps, replay_of
+from armdyn.optimal.verify.rollout import ACCURACY, gauss_steps, replay_of, scales_of
 from armdyn.trajectory import Trajectory
 
 
@@ -60,8 +60,7 @@ class Shooting:
     def size(self) -> Array:
         """Scale of each state: the joint's way and its largest speed, shape (2 nv,)."""
         n = self.tau.shape[-1]
-        both = np.concatenate([np.ptp(self.x[:, :n], axis=0), np.max(np.abs(self.x[:, n:]), axis=0)])
-        return np.asarray(np.maximum(both, 1e-3 * np.repeat(both.reshape(2, n).max(axis=1), n)))
+        return scales_of(np.ptp(self.x[:, :n], axis=0), np.max(np.abs(self.x[:, n:]), axis=0))
 
     def trajectory(self, names: tuple[str, ...]) -> Trajectory:
         """Samples at both ends of every interval; the torque jumps one ulp before a knot."""

@@ -122,20 +122,25 @@ def fastest(motion: BangMotion, stop: Stop) -> tuple[BangMotion, Array | None]:
         The motion, and None if it is the fastest. Else the last one, and the lengths of the arcs that Newton's method
         proposed, shape (K,); without arcs of negative length there, it failed.
     """
-    policy, before, settled = motion.shooting.policy, np.inf, False
+    policy, before = motion.shooting.policy, np.inf
     for _ in range(policy.polish.rounds):
-        gap, stationary = motion.errors
-        settled = gap <= policy.shooting.closed and stationary <= OPTIMALITY_TOLERANCE / 100
-        if stop or (settled and (gap <= policy.shooting.closed / 10 or gap > before / 2)):
+        gap, _ = motion.errors
+        if stop or (_settled(motion) and (gap <= policy.shooting.closed / 10 or gap > before / 2)):
             break
         before = gap
         if (found := _step(motion)) is None:
             break
         change, costate = found
         if (better := _accepted(motion, change, costate)) is None:
-            return motion, None if settled else motion.lengths + change[: motion.lengths.size]
+            return motion, None if _settled(motion) else motion.lengths + change[: motion.lengths.size]
         motion = better
-    return motion, None if settled else motion.lengths
+    return motion, None if _settled(motion) else motion.lengths
+
+
+def _settled(motion: BangMotion) -> bool:
+    """Whether the segments meet, and the conditions of the fastest motion hold."""
+    gap, stationary = motion.errors
+    return gap <= motion.shooting.policy.shooting.closed and stationary <= OPTIMALITY_TOLERANCE / 100
 
 
 def _objective(motion: BangMotion) -> Array:
@@ -151,16 +156,14 @@ def _step(motion: BangMotion) -> tuple[Array, Array] | None:
         return None
     basis, upper = np.linalg.qr(jacobian.T, mode="complete")
     own, null, upper = basis[:, :size], basis[:, size:], upper[:size]
-    small = motion.shooting.policy.shooting.closed
-    if np.min(np.abs(np.diag(upper))) <= small / 10:
+    closed = motion.shooting.policy.shooting.closed
+    if np.min(np.abs(np.diag(upper))) <= closed / 10:  # equations that depend on each other, up to rounding
         return None
     change = own @ np.linalg.solve(upper.T, -motion.gaps.ravel())
     if null.size:
         curvature, axes = np.linalg.eigh(null.T @ hessian @ null)
         slope = axes.T @ (null.T @ (gradient + hessian @ change))
-        change = change - null @ (
-            axes @ (slope / np.maximum(np.abs(curvature), motion.shooting.policy.shooting.closed))
-        )
+        change = change - null @ (axes @ (slope / np.maximum(np.abs(curvature), closed)))
     costate = np.linalg.solve(upper, -own.T @ (gradient + hessian @ change))
     return change, costate.reshape(motion.x.shape)
 

@@ -13,12 +13,15 @@ from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.arc import Arc, Mode
 from armdyn.optimal.verify.certificate import GOAL_TOLERANCE, OPTIMALITY_TOLERANCE
 from armdyn.optimal.verify.costates import Phases
-from armdyn.optimal.verify.rollout import gauss_steps, replay_of
+from armdyn.optimal.verify.rollout import gauss_steps, replay_of, scales_of
 from armdyn.optimal.verify.within_limits import BETWEEN
 from armdyn.trajectory import Trajectory
 
 _QUADRATURE = tuple((np.polynomial.legendre.leggauss(5) + np.array([[1.0], [0.0]])) / 2)
 """Gauss points in a segment, as parts of it, and their weights: of order ten, integrals are right to 1e-6."""
+
+_Along = tuple[Array, Array, Array]
+"""(q, v) and its costates [s/rad, s²/rad], shape (segments, points, 2 nv), and S [s/(N m)], shape (…, nv)."""
 
 
 def polished(task: Task, motion: Trajectory, solved: set[Structure]) -> Phases | None:
@@ -50,7 +53,7 @@ def polished(task: Task, motion: Trajectory, solved: set[Structure]) -> Phases |
         again, left = fastest(replace(found[1], goal=goal), task.stop)
         if left is not None:
             break
-        found = found[0], again
+        found = found[0], again, _along(task, again)
     return best
 
 
@@ -62,15 +65,15 @@ def _touches(task: Task, motion: Trajectory) -> bool:
     return bool(np.any(margin <= near * np.ptp(motion.q, axis=0)) or np.any(fast))
 
 
-def _solved(task: Task, motion: Trajectory, solved: set[Structure]) -> tuple[Switches, BangMotion] | None:
-    """The fastest motion of the motion's switches, or of near ones.
+def _solved(task: Task, motion: Trajectory, solved: set[Structure]) -> tuple[Switches, BangMotion, _Along] | None:
+    """The fastest motion of the motion's switches, or of near ones, and what lies along it.
 
     Switches of a mesh that meet vanish; where a torque then has the wrong sign by its costates, it switches twice more.
     """
     problem, numbers = task.problem, task.policy.polish
     switches = switches_of(motion, problem.limits.actuators, numbers.brief)
     states = np.concatenate([motion.q, motion.v], axis=1)
-    size = _sizes(states)
+    size = scales_of(np.ptp(motion.q, axis=0), np.ptp(motion.v, axis=0))
     t, asked = motion.t / motion.duration, None
     for _ in range(numbers.structures):
         if switches.times.size > numbers.most or switches.structure in solved:
@@ -85,8 +88,9 @@ def _solved(task: Task, motion: Trajectory, solved: set[Structure]) -> tuple[Swi
             return None
         found, proposed = fastest(near, task.stop)
         if proposed is None:
-            if (asked := _asked_for(task, switches, found)) is None:
-                return switches, found
+            along = _along(task, found)
+            if (asked := _asked_for(task, switches, found, along)) is None:
+                return switches, found, along
             solved.add(switches.structure)
             switches = asked
         else:
@@ -100,10 +104,10 @@ def _solved(task: Task, motion: Trajectory, solved: set[Structure]) -> tuple[Swi
     return None
 
 
-def _asked_for(task: Task, own: Switches, motion: BangMotion) -> Switches | None:
+def _asked_for(task: Task, own: Switches, motion: BangMotion, along: _Along) -> Switches | None:
     """The switches that a motion's costates ask for; None: its own."""
     h, (nodes, _), tau = motion.shooting.seconds(motion.lengths), _QUADRATURE, motion.shooting.tau
-    switching = _along(task, motion)[2][:, 1:-1]
+    switching = along[2][:, 1:-1]
     excess = 2 * switching * (tau - task.problem.limits.actuators.center)[:, None]  # by which H could be lower
     if np.max(excess) <= OPTIMALITY_TOLERANCE:
         return None
@@ -113,18 +117,8 @@ def _asked_for(task: Task, own: Switches, motion: BangMotion) -> Switches | None
     return switches_by(moved, times.ravel(), switching.reshape(times.size, -1))
 
 
-def _sizes(states: Array) -> Array:
-    """Scale of each state, shape (2 nv,): its range, or a thousandth of the largest of its kind."""
-    ranges = np.ptp(states, axis=0).reshape(2, -1)
-    return np.asarray(np.maximum(ranges, 1e-3 * ranges.max(axis=1, keepdims=True))).ravel()
-
-
-def _along(task: Task, motion: BangMotion) -> tuple[Array, Array, Array]:
-    """States, costates and switching functions at the start, the nodes and the end of every segment.
-
-    Returns:
-        (q, v) and its costates [s/rad, s²/rad], shape (segments, nodes + 2, 2 nv), and S [s/(N m)], shape (…, nv).
-    """
+def _along(task: Task, motion: BangMotion) -> _Along:
+    """States, costates and switching functions at the start, the Gauss points and the end of every segment."""
     problem, shooting, n = task.problem, motion.shooting, task.problem.robot.nv
     size, (nodes, _), h, tau = shooting.size, _QUADRATURE, shooting.seconds(motion.lengths), shooting.tau
     torques = np.tile(np.stack([tau, tau], axis=1), (nodes.size, 1, 1))
@@ -139,14 +133,14 @@ def _along(task: Task, motion: BangMotion) -> tuple[Array, Array, Array]:
     return x, costate, np.linalg.solve(joint_inertia(problem.robot)(x[..., :n]), costate[..., n:, None])[..., 0]
 
 
-def _phases(task: Task, switches: Switches, motion: BangMotion) -> Phases:
+def _phases(task: Task, switches: Switches, motion: BangMotion, along: _Along) -> Phases:
     """The motion's arcs with costates at the starts and Gauss points of its segments."""
     problem, shooting, n = task.problem, motion.shooting, task.problem.robot.nv
     h, x, (_, shares) = shooting.seconds(motion.lengths), motion.x * shooting.size, _QUADRATURE
-    along, costate, switching = _along(task, motion)
-    inner, tau, t = along[:, 1:-1].reshape(-1, 2 * n), shooting.tau, np.append(0.0, np.cumsum(h))
+    whole, costate, switching = along
+    inner, tau, t = whole[:, 1:-1].reshape(-1, 2 * n), shooting.tau, np.append(0.0, np.cumsum(h))
     weights = (h[:, None] * shares).reshape(-1, 1)
-    arcs, states = _arcs(task, switches, motion.lengths * shooting.unit), np.vstack([x, along[-1:, -1]])
+    arcs, states = _arcs(task, switches, motion.lengths * shooting.unit), np.vstack([x, whole[-1:, -1]])
     return Phases(
         t=t,
         q=states[:, :n],

@@ -14,7 +14,7 @@ from armdyn.dynamics.numeric import forward_dynamics, joint_inertia
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.verify.arc import Arc
-from armdyn.optimal.verify.rollout import replay_torques, transitions
+from armdyn.optimal.verify.rollout import replay_torques, scales_of, transitions
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 
@@ -135,8 +135,7 @@ def adjoint_error(robot: Robot, replay: Trajectory, costates: Costates) -> float
     if motion.t[-1] != t[-1]:
         return float("inf")
     a = forward_dynamics(robot)(motion.q, motion.v, motion.tau)
-    peaks = [np.max(np.abs(each), axis=0) for each in (motion.v, a)]
-    size = np.concatenate([np.maximum(each, 1e-3 * np.max(each)) for each in peaks])
+    size = scales_of(*(np.max(np.abs(each), axis=0) for each in (motion.v, a)))
     x, tau = np.concatenate([motion.q, motion.v], axis=1), np.stack([motion.tau[:-1], motion.tau_end], axis=1)
     steps = transitions(robot, np.diff(t), x[:-1], tau, size)
     if steps is None:

@@ -209,6 +209,18 @@ class Segments:
         return deviation
 
 
+def scales_of(*kinds: Array) -> Array:
+    """Scales of states: the sizes of each kind, at least a thousandth of the largest of its kind.
+
+    Args:
+        kinds: sizes of positions, and of velocities, each of shape (nv,).
+
+    Returns:
+        Shape (2 nv,).
+    """
+    return np.concatenate([np.maximum(sizes, 1e-3 * np.max(sizes)) for sizes in kinds])
+
+
 def transitions(robot: Robot, h: Array, x: Array, tau: Array, size: Array) -> Array | None:
     """State transition matrices of segments: ∂(end state)/∂(start state), shape (K, 2 nv, 2 nv).
 
