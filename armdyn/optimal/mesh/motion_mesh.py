@@ -337,7 +337,8 @@ def _divided_until_certified(meshes: _Meshes, mesh: Attempt) -> Optimum | None:
         velocity, position = excess(task, best.optimum)
         margins = MeshMargins(velocity if k else 0.0, position)  # shorter intervals: smaller excess
         divided = meshes.divided(mesh, best.to_divide, margins)
-        found = None if divided is None else _judged(task, divided, by_limits=k + 1 < most)
+        by_limits = k + 1 < most and not np.isfinite(best.saving)  # else the savings are compared
+        found = None if divided is None else _judged(task, divided, by_limits)
         if divided is None or found is None or found.saving > max(best.saving, OPTIMALITY_TOLERANCE):
             break
         mesh, best = divided, found

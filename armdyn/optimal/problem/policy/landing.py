@@ -25,7 +25,12 @@ class PathConstraintPolicy:
 
     cases: ClassVar = "RR: spheres, boxes"
 
-    rounds: int = tuned(12, "rounds", "of meshes solved again", "RR, RRR: torque rates, dry friction; Panda: a post")
+    rounds: int = tuned(
+        12,
+        "rounds",
+        "of meshes solved again, and of slowing a motion down: most take one or two",
+        "RR, RRR: torque rates, dry friction; Panda: a post",
+    )
     near: float = tuned(1e-4, "rad or m", "of via points and goal: a further round gains too little", "RR, Panda")
     tolerance: float = tuned(
         1e-6,

@@ -16,7 +16,9 @@ class RefinementPolicy:
         5.0, "-", "times the error of the certified one's mesh, that an optimum may be slower", "RRR, ten payloads"
     )
     slower: float = tuned(1.02, "of a certified duration", "largest such excess", "RRR, ten payloads")
-    slow_samples: int = tuned(1000, "samples", "of a motion that is slowed down or checked", "RR")
+    slow_samples: int = tuned(
+        1000, "samples", "of a motion that is slowed down or checked; of one along profiles at least", "RR"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

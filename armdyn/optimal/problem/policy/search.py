@@ -76,7 +76,9 @@ class SearchPolicy:
         "faster than any motion, or with effort in the cost cheaper: 1 kg on 25 intervals by a fifth",
     )
     fine_mesh: int = by_kind(
-        "intervals", "of the mesh on which optima of coarse meshes are told apart: 40, with effort in the cost 80"
+        "intervals",
+        "of the mesh on which optima of coarse meshes are told apart: 40, with effort in the cost 80; four times as "
+        "many of the first finer mesh of constant torques",
     )
     ends_early: bool = by_kind(
         "-",
@@ -96,7 +98,10 @@ class SearchPolicy:
     )
     only_listed: float = tuned(1.2, "of the best duration", "coarse solutions slower than that are only listed")
     too_coarse: float = tuned(
-        1.05, "of the coarse duration", "duration of the best on the finer mesh from which the search is repeated"
+        1.05,
+        "of the coarse duration",
+        "duration of the best on the finer mesh from which the search is repeated; a goal whose lower bound is so "
+        "much larger is not tried",
     )
     too_coarse_confirmed: float = tuned(1.01, "of the coarse duration", "the same, if replays confirm it")
     replay_miss: float = tuned(
@@ -137,7 +142,10 @@ class SearchPolicy:
         3.0, "optima", "of the best, about, that are mutated most often, of twice as many", "RRR, random"
     )
     midpoint_spread: float = tuned(
-        0.3, "times the way", "standard deviation of the offset of all joints at half time", "RRR, random"
+        0.3,
+        "times the way",
+        "standard deviation of the offset of all joints at half time; rad or m, and of the logarithm, of swings",
+        "RRR, random; cart-pole, acrobot, pendubot, Furuta pendulum",
     )
     joint_offset: float = tuned(6.0, "rad or m", "largest offset of a mutation of one joint", "RRR, random")
     mutation_duration: float = tuned(
@@ -147,7 +155,7 @@ class SearchPolicy:
         4,
         "guesses",
         "that a worker receives at once: one costs hardly more than its transfer; with more some workers are idle; the "
-        "search tests its early end after so many",
+        "search tests its early end after so many, and eight times as many are mutated at once",
         "RRR, random: iterations of eight pairs dealt to 2, 4, 8 and 16 workers",
     )
 
@@ -192,7 +200,9 @@ class GoalPolicy:
         1e-3, "-", "weight of all joints' times against the slowest's: the other joints stay near", "UR5, Panda"
     )
     end_solves: int = tuned(8, "solves", "of an end that descends along its pose: RRR needs two to six")
-    bound: float = tuned(0.1, "of the time limit", "for the bound of all goals, at least", UNRECORDED)
+    bound: float = tuned(
+        0.1, "of the time limit", "for the bound of all goals, and of a whole cycle, at least", UNRECORDED
+    )
 
     @property
     def slid(self) -> int:
