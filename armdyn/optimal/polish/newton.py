@@ -72,7 +72,7 @@ class BangMotion:
     def hessian(self) -> Array:
         """Second derivatives of the Lagrangian by lengths and inner first states."""
         (S, m), K = self.x.shape, self.lengths.size
-        own = self.shooting.hessian(self.lengths, self.x, self.ends, self.costate)
+        own = self.shooting.hessian(self.lengths, self.ends, self.costate)
         found = np.zeros((K + m * (S - 1), K + m * (S - 1)))
         for k, (arc, share) in enumerate(zip(self.shooting.arc_of, self.shooting.share, strict=True)):
             found[arc, arc] += own[k, m, m] * share**2

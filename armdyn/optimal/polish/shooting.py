@@ -19,17 +19,27 @@ from armdyn.optimal.verify.rollout import gauss_steps
 
 @dataclass(frozen=True, eq=False)
 class Ends:
-    """Ends of all segments.
+    """Ends of all segments, and the states on the way there.
 
     Attributes:
-        x: states there, scaled, shape (S, 2 nv).
-        by_start: their derivatives by the segments' first states, scaled, shape (S, 2 nv, 2 nv).
-        rate: rates of the state there, scaled, shape (S, 2 nv).
+        states: of each step, from the segments' starts to their ends, scaled, shape (Q, S, 2 nv).
+        flow: their derivatives by the segments' first states, scaled, shape (Q, S, 2 nv, 2 nv).
+        rate: rates of the state at the ends, scaled, shape (S, 2 nv).
     """
 
-    x: Array
-    by_start: Array
+    states: Array
+    flow: Array
     rate: Array
+
+    @property
+    def x(self) -> Array:
+        """States at the ends, scaled, shape (S, 2 nv)."""
+        return np.asarray(self.states[-1])
+
+    @property
+    def by_start(self) -> Array:
+        """Their derivatives by the first states, scaled, shape (S, 2 nv, 2 nv)."""
+        return np.asarray(self.flow[-1])
 
     @property
     def finite(self) -> bool:
@@ -96,16 +106,20 @@ class BangShooting:
             lengths: of the arcs, scaled, shape (K,).
             x: first states of the segments, scaled, shape (S, 2 nv).
         """
-        h, start, torques = self.seconds(lengths), x * self.size, np.stack([self.tau, self.tau], axis=1)
-        end, by_start, _ = gauss_steps(self.problem.robot)(h, start, torques, self.policy.polish.steps)
-        by_start = by_start * self.size / self.size[:, None]
-        return Ends(end / self.size, by_start, self._rate(end) * self.unit / self.size)
+        count, step = self.policy.polish.steps, gauss_steps(self.problem.robot)
+        h, torques = self.seconds(lengths) / count, np.stack([self.tau, self.tau], axis=1)
+        states, flows = [x * self.size], [np.tile(np.eye(self.size.size), (len(x), 1, 1))]
+        for _ in range(count):
+            state, flow, _ = step(h, states[-1], torques)
+            states.append(state)
+            flows.append((flow * self.size / self.size[:, None]) @ flows[-1])
+        return Ends(np.array(states) / self.size, np.array(flows), self._rate(states[-1]) * self.unit / self.size)
 
     def seconds(self, lengths: Array) -> Array:
         """Lengths of the segments [s], shape (S,)."""
         return np.asarray(lengths[self.arc_of] * self.share * self.unit)
 
-    def hessian(self, lengths: Array, x: Array, ends: Ends, costate: Array) -> Array:
+    def hessian(self, lengths: Array, ends: Ends, costate: Array) -> Array:
         """Second derivatives of costateᵀ(end) by first state and length, scaled, shape (S, 2 nv + 1, 2 nv + 1).
 
         By the first states ∫ Φᵀ (∂²H/∂x²) Φ dt, with the costates along the segment and the sensitivities Φ there, by
@@ -113,21 +127,13 @@ class BangShooting:
 
         Args:
             lengths: of the arcs, scaled, shape (K,).
-            x: first states of the segments, scaled, shape (S, 2 nv).
-            ends: their ends.
-            costate: scaled, shape (S, 2 nv).
+            ends: the segments' ends.
+            costate: there, scaled, shape (S, 2 nv).
         """
-        count, m, h = self.policy.polish.steps, self.size.size, self.seconds(lengths)
-        torques, step = np.stack([self.tau, self.tau], axis=1), gauss_steps(self.problem.robot)
-        states, flows = [x * self.size], [np.tile(np.eye(m), (h.size, 1, 1))]
-        for _ in range(count):
-            state, flow, _ = step(h / count, states[-1], torques, 1)
-            states.append(state)
-            flows.append((flow * self.size / self.size[:, None]) @ flows[-1])
-        flow = np.array(flows)
+        count, m, h, flow = self.policy.polish.steps, self.size.size, self.seconds(lengths), ends.flow
         along = carried(flow, np.einsum("sab,sa->sb", ends.by_start, costate))
         weights = np.array([1.0, *[4.0, 2.0] * (count // 2 - 1), 4.0, 1.0]) / (3 * count)
-        curved = self._curvature(np.array(states), along) * h[:, None, None]
+        curved = self._curvature(ends.states * self.size, along) * h[:, None, None]
         found = np.zeros((h.size, m + 1, m + 1))
         found[:, :m, :m] = np.einsum("q,qsab->sab", weights, flow.swapaxes(2, 3) @ curved @ flow)
         jacobian = self._jacobian(ends.x * self.size, self.tau) * self.size / self.size[:, None]

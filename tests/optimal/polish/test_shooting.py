@@ -50,7 +50,7 @@ def test_first_derivatives_agree_with_differences(segments):
 def test_second_derivatives_agree_with_differences(segments):
     shooting, lengths, x, costate = segments
     ends = shooting.ends(lengths, x)
-    hessian, step = shooting.hessian(lengths, x, ends, costate), 1e-4
+    hessian, step = shooting.hessian(lengths, ends, costate), 1e-4
 
     def gradient(lengths, x):
         there = shooting.ends(lengths, x)
