@@ -133,7 +133,7 @@ def _policy(robot: ad.Robot) -> list[PolicyRow]:
     """The policy of a robot's minimum-time problems without path constraints, for all poses."""
     import numpy as np
 
-    from armdyn.optimal.problem.policy import Policy
+    from armdyn.optimal.problem.policy.policy import Policy
 
     lower, upper = robot.limits.position_lower, robot.limits.position_upper
     start = np.clip(np.zeros(robot.nv), lower, upper)

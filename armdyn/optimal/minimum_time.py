@@ -84,7 +84,7 @@ def solve_task(task: Task, seconds: float | None = None) -> Solution:
     check_pace(problem)
     if problem.goal_pose is not None or len(problem.goals) > 1:
         return fastest_goal(task, solve_task)
-    limit, numbers = task.options.time_limit if seconds is None else seconds, task.policy.landing
+    limit, numbers = task.options.time_limit if seconds is None else seconds, task.policy.search
     with one_blas_thread():
         with (
             stopping(limit - min(numbers.check_part * limit, numbers.check_time), task.stop) as stop,
@@ -129,7 +129,7 @@ def refined(task: Task) -> tuple[list[Optimum], SearchResult]:
         if task.stop or _is_enough(task, optima):
             break
         task.progress(f"no usable motion so far, or a faster one collides: {method}")
-        near = tuple(one.trajectory for one in optima if one.certificate.ends_within(task.policy.landing.far))
+        near = tuple(one.trajectory for one in optima if one.certificate.ends_within(task.policy.shooting.far))
         last = replace(task, policy=task.policy.by(method))
         more, searched = _by(method, last.with_options(guesses=near))
         optima += [slowed(task, one) for one in more]

@@ -42,7 +42,7 @@ def assembled(
     best, others = _chosen(task, optima, bound)
     decides = best.decides
     if not decides and best.costates:
-        decides = deciding(task.problem, best.costates, task.policy.arcs.least_share)
+        decides = deciding(task.problem, best.costates, task.policy.curves.least_share)
     idle = tuple(name for name in best.certificate.idle if name not in {one.joint for one in decides})
     certificate, duration = replace(best.certificate, idle=idle), best.trajectory.duration
     status = _status(task, best, found)

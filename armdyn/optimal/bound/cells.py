@@ -219,7 +219,7 @@ def _lengths(phase: Phase, from_rest: bool, to_rest: bool, numbers: BoundPolicy)
     if from_rest != to_rest:
         fixed = [phase.least / count * (1 - ROUNDED)] * count
         return [0.0, *fixed] if from_rest else [*fixed, 0.0]
-    parts = numbers.phase_growth ** np.arange(count // 2)
+    parts = numbers.growth ** np.arange(count // 2)
     side = (phase.least / (2 * np.sum(parts)) * (1 - ROUNDED) * parts).tolist()
     return [*side, 0.0, *side[::-1]]
 

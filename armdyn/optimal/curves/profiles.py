@@ -118,7 +118,7 @@ def _samples(task: Task, curve: Curve) -> list[int]:
     """Number of samples of every leg. Between samples h apart a jerk is off by up to h/2 M⁻¹τ''."""
     problem, numbers = task.problem, task.policy.curves
     jerk = np.inf if problem.jerk_limit is None else np.asarray(problem.jerk_limit)
-    least = task.policy.refinement.slow_samples / curve.duration
+    least = task.policy.path_constraints.slow_samples / curve.duration
     counts = []
     for leg in curve.legs:
         off = float(np.max(np.abs(forced_snap(problem.robot, leg)) / jerk)) / 2

@@ -49,7 +49,7 @@ def mesh(task: Task, rough: Callable[[Task], Sequence[Trajectory]]) -> tuple[lis
 
 def _best_first(task: Task, attempts: Sequence[Attempt]) -> tuple[list[Optimum], bool]:
     """The optima near solutions, best first, until the others cost more; and whether the budget is spent."""
-    numbers, limited = task.policy.refinement, bool(task.problem.path_constraint_names)
+    numbers, limited = task.policy.same, bool(task.problem.path_constraint_names)
     # In sequence they share motions: most of the work with active velocity limits.
     alone = bool(np.any(np.isfinite(task.problem.limits.velocity)))
     shared = MeshWork(task.policy.motion_mesh) if alone else None
@@ -115,7 +115,7 @@ def _exact(task: Task, solved: set[Structure], mesh: Attempt) -> Optimum | None:
 def _rank(task: Task, optimum: Optimum) -> tuple[bool, float]:
     """Sort key: first the optima that reach the goal within their limits, by duration; then the others, by error."""
     factor = least_slowing(task, optimum)
-    good = optimum.certificate.goal_error <= GOAL_TOLERANCE and factor <= task.policy.refinement.slower
+    good = optimum.certificate.goal_error <= GOAL_TOLERANCE and factor <= task.policy.same.slower
     return not good, factor * optimum.trajectory.duration if good else optimum.error
 
 
@@ -184,7 +184,7 @@ def _rank_of_constrained(task: Task, optimum: Optimum) -> tuple[bool, bool, bool
 def _checked(task: Task, attempt: Attempt) -> Optimum:
     """The replay, sampled densely enough for interpolation in the checks, with its certificate."""
     problem, names = task.problem, ", ".join(task.problem.path_constraint_names)
-    replay = replay_of(task, dense(attempt.trajectory, task.policy.refinement.slow_samples))
+    replay = replay_of(task, dense(attempt.trajectory, task.policy.path_constraints.slow_samples))
     return Optimum.of(
         problem,
         replay,

@@ -123,18 +123,18 @@ def replay_on_goal(task: Task, attempt: Attempt) -> Trajectory:
     The rest after multiple shooting (with dry friction the whole miss) is corrected by the replay's miss, from the
     replay's states.
     """
-    problem, numbers, shooting = task.problem, task.policy.landing, task.policy.shooting
+    problem, numbers = task.problem, task.policy.shooting
     actuators = problem.limits.actuators
-    motion = landed(task, attempt) or Shooting.of(problem, attempt, shooting.near)
+    motion = landed(task, attempt) or Shooting.of(problem, attempt, numbers.near)
     free = np.all((motion.tau > actuators.lower) & (motion.tau < actuators.upper), axis=1)
     replay, miss = _replayed(task, motion)
-    for _ in range(shooting.rounds):
+    for _ in range(numbers.rounds):
         if miss <= 100 * ACCURACY or miss > numbers.far or task.stop:
             break
         x = np.concatenate([replay.q, replay.v], axis=1)[np.append(np.arange(0, len(replay.t), 2), -1)]
         x[-1] = problem.x_goal
         tried = replace(motion, x=x)
-        found = gaps(problem.robot, tried, shooting.steps)
+        found = gaps(problem.robot, tried, numbers.steps)
         if not all(np.all(np.isfinite(each)) for each in found):
             break
         found[0][:-1], found[0][-1] = 0.0, problem.goal_error_of(replay) / tried.size

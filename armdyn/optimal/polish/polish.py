@@ -59,7 +59,7 @@ def polished(task: Task, motion: Trajectory, solved: set[Structure]) -> Phases |
 
 def _touches(task: Task, motion: Trajectory) -> bool:
     """Whether a motion touches a limit of position or velocity between its ends."""
-    limits, near, inner = task.problem.limits, task.policy.polish.near, slice(1, -1)
+    limits, near, inner = task.problem.limits, task.policy.arcs.touching, slice(1, -1)
     margin = np.minimum(motion.q - limits.position_lower, limits.position_upper - motion.q)[inner]
     fast = np.abs(motion.v[inner]) >= (1 - near) * limits.velocity
     return bool(np.any(margin <= near * np.ptp(motion.q, axis=0)) or np.any(fast))

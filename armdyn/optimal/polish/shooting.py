@@ -12,7 +12,7 @@ import numpy as np
 from armdyn.arrays import Array, Index
 from armdyn.dynamics.numeric import forward_dynamics, forward_dynamics_derivatives
 from armdyn.optimal.polish.structure import Switches
-from armdyn.optimal.problem.policy import Policy
+from armdyn.optimal.problem.policy.policy import Policy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.verify.rollout import gauss_steps
 

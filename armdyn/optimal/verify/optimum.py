@@ -239,13 +239,13 @@ def slowed(task: Task, optimum: Optimum) -> Optimum:
         task: the problem and its settings.
         optimum: a replayed and certified optimum.
     """
-    numbers, factor = task.policy.refinement, least_slowing(task, optimum)
+    numbers, factor = task.policy.path_constraints, least_slowing(task, optimum)
     if factor == 1 or not (np.isfinite(factor) and can_be_slowed(task.problem)):
         return optimum
     if not optimum.landed:
         return optimum
     path, whole = replay_of(task, dense(optimum.trajectory, numbers.slow_samples)), 1.0
-    for _ in range(task.policy.path_constraints.rounds):
+    for _ in range(numbers.rounds):
         whole *= factor
         found = _at_pace(task, optimum, path, whole)
         factor = least_slowing(task, found)

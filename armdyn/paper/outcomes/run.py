@@ -9,7 +9,7 @@ from armdyn.control.tracking.arrival import Arrival
 from armdyn.control.tracking.pid import pid_summary
 from armdyn.optimal import MinimumTimeOptions, Solution, solve_minimum_time
 from armdyn.optimal.answer.solution import minimum_time_summary
-from armdyn.optimal.problem.policy import Policy
+from armdyn.optimal.problem.policy.policy import Policy
 from armdyn.optimal.verify.optimum import trajectory_cost
 from armdyn.paper.continuous_pid import simulate
 from armdyn.paper.indirect.solution import IndirectOptions, compare_with_direct

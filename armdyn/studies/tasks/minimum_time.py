@@ -10,7 +10,7 @@ from armdyn.arguments import Checked, checked, expect, one_of
 from armdyn.cycle.solution import CycleSolution
 from armdyn.optimal import MinimumTimeOptions, Solution, Status, solve_minimum_time
 from armdyn.optimal.answer.words import standing
-from armdyn.optimal.problem.policy import Policy
+from armdyn.optimal.problem.policy.policy import Policy
 from armdyn.optimal.problem.policy.search import SamePolicy
 from armdyn.optimal.verify.certificate import GAP_TOLERANCE
 from armdyn.optimal.verify.optimum import torque_squared

@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.optimal.polish.shooting import BangShooting
 from armdyn.optimal.polish.structure import Switches
-from armdyn.optimal.problem.policy import Policy
+from armdyn.optimal.problem.policy.policy import Policy
 from problems import paper_problem
 
 

@@ -1,5 +1,1 @@
 """Policy: everything that depends on the class of a problem, and the tuned numbers with unit, reason and cases."""
-
-from armdyn.optimal.problem.policy.policy import Policy
-
-__all__ = ["Policy"]

@@ -17,21 +17,15 @@ class BoundPolicy:
     cases: ClassVar = PAIRS
 
     shortest: float = tuned(4e-5, "of a side", "first cell: a ramp of some thousandths has cells of its own")
-    growth: float = tuned(1.35, "-", "from cell to cell")
+    growth: float = tuned(1.35, "-", "from cell to cell, also of a phase behind a region that is passed")
     longest: float = tuned(1 / 20, "of a side", "last cells: torques that reverse anywhere in them cost little")
-    passes: int = tuned(
-        8, "passes", "of nested boxes on one grid, at most; twice as many grids; usually it is four on one"
-    )
+    passes: int = tuned(8, "passes", "of nested boxes on one grid, at most; twice as many grids; usually four on one")
     least_gain: float = tuned(2e-5, "of the bound", "a pass that gains less is the last")
     cut_side: float = tuned(1.5, "times a ramp", "length to which a side is cut")
     horizon: float = tuned(
-        0.5,
-        "of the bound so far",
-        "slower motions are left out on the first grid; the smaller, the smaller the middle boxes",
+        0.5, "of the bound so far", "slower motions are left out on the first grid, for smaller boxes"
     )
-    region_horizon: float = tuned(
-        0.03, "of the bound so far", "the same of motions through regions: bound 0.06 % higher than with 0.1", LINES
-    )
+    region_horizon: float = tuned(0.03, "of the bound so far", "the same through regions: 0.06 % more than 0.1", LINES)
     linear_weight: float = tuned(
         2.5,
         "times the inertia's width",
@@ -39,10 +33,7 @@ class BoundPolicy:
         "first random pair of a Panda: gap 3.4 to 3.3 %; fourth of a UR5: 1.02 to 0.92 %",
     )
     momentum_joints: int = tuned(
-        32,
-        "joints",
-        "of arms whose momentum is bounded, at most: the work grows with the fifth power",
-        "talos: 26 CPU s",
+        32, "joints", "of arms whose momentum is bounded, at most: work grows as their fifth power", "talos: 26 CPU s"
     )
     sizes: tuple[float, ...] = tuned(
         (0.05, 0.01, 0.002), "m or rad", "of boxes checked by velocity limits in turn: 1e-3 of a way at last", POSES
@@ -54,21 +45,16 @@ class BoundPolicy:
     few: int = tuned(500, "boxes", "evaluated at once, some 10 MB; of as many, only near ones are bisected", POSES)
     early: float = tuned(0.3, "of the time from the bound to a known goal", "counts as soon", POSES)
     cut: float = tuned(0.1, "of the widest joint's", "width of a box's joints that may be bisected [rad or m]", POSES)
-    most_momentum: float = tuned(
-        1.2, "times the velocity limits' bound", "largest bound by momentum that is tried", POSES
-    )
+    most_momentum: float = tuned(1.2, "times the velocity limits' bound", "largest bound by momentum tried", POSES)
     tiny: float = tuned(
         1e-6,
         "rad or m, or of the equations' size",
         "half width of a box that counts as a point; damping that keeps dependent combinations solvable",
         POSES,
     )
-    most_boxes: int = tuned(
-        60_000, "boxes", "of one enclosure, 3 to 6 s: positions need up to 12,000, full poses mostly 25,000", POSES
-    )
+    most_boxes: int = tuned(60_000, "boxes", "of one enclosure: positions need 12,000, full poses mostly 25,000", POSES)
     narrowings: int = tuned(2, "rounds", "over all equations: each benefits from the others", POSES)
     phase_cells: int = tuned(32, "cells", "of a phase between regions", POSES)
-    phase_growth: float = tuned(1.25, "-", "from cell to cell behind a region that is passed", POSES)
 
     @property
     def between_wide(self) -> "BoundPolicy":

@@ -7,6 +7,7 @@ from armdyn.optimal.problem.policy.tuned import by_kind, tuned
 
 TRAINED = "Panda and UR5, ten random pairs each (seed 1)"
 MARGINS = "UR3 1, UR10 1, xArm7 0, TIAGo's arms, Baxter 0, Panda 0 and 2, UR5 0 and 1 of docs/arms.md"
+CORNERS = "25/300/25 mm: Panda, UR5, Kinova"
 RESTING = "Panda and UR5, forty random pairs each, two of whose joints rest (scripts/calm.py, seeds 5 and 6)"
 
 
@@ -60,35 +61,20 @@ class CurvePolicy:
     resting_speed: float = tuned(
         1e-3,
         "of a velocity limit",
-        "mean speed below which joints with less far to go are weighted more; at 0.02 resting joints travel "
-        "twice as far",
+        "mean speed below which joints with less far to go are weighted more; at 0.02 resting ones travel twice as far",
         RESTING,
     )
     checks: int = tuned(24, "places", "of an interval at which torques are checked; a multiple of 4")
-    eager: float = tuned(
-        1.5,
-        "-",
-        "times a torque's excess between points is added to the nearest point's margin between solves by IPOPT",
-    )
-    strict: float = tuned(
-        1.1,
-        "-",
-        "times a torque's excess between points over the nearest point's own is the margin there",
-        MARGINS,
-    )
-    margin_kept: float = tuned(
-        0.45, "of a margin", "kept where no limit is exceeded, while the curve still changes", MARGINS
-    )
+    eager: float = tuned(1.5, "-", "times a torque's excess between points is added to the nearest point's margin")
+    strict: float = tuned(1.1, "-", "times that excess over the nearest point's own is the margin there", MARGINS)
+    margin_kept: float = tuned(0.45, "of a margin", "kept where no limit is exceeded and the curve changes", MARGINS)
     small_excess: float = tuned(5e-5, "of half the range", "excess of which slowing down removes half")
-    calm_excess: float = tuned(
-        3e-3, "of half the range", "excess that is accepted where time is then spent on calm joints"
-    )
+    calm_excess: float = tuned(3e-3, "of half the range", "accepted where time is then spent on calm joints")
     rounds: int = tuned(8, "rounds", "of tightening limits that are exceeded between the points, and of slowing down")
     profile_jerk_error: float = tuned(
         4e-3,
         "of a jerk limit",
-        "error between samples of a motion along profiles: with 1e-2 motions are 0.01 to 0.1 % slower, with half as "
-        "many samples",
+        "between samples along profiles: with 1e-2 motions are 0.01 to 0.1 % slower, with half as many samples",
         "thirteen arms, seed 9997",
     )
     velocity_error: float = tuned(
@@ -109,83 +95,57 @@ class CurvePolicy:
         "jerk limit, before the motion is slowed down: arms that took 1.1 to 3.7 times as long take 1.0 to 1.6 times",
         "UR5, xArm6, xArm7, random arms (RRR)",
     )
-    slower: float = tuned(
-        0.6,
-        "of an excess",
-        "by which a curve is slowed down: half suffices for a torque without gravity",
-        "by definition",
-    )
+    slower: float = tuned(0.6, "of an excess", "by which a curve is slowed: half suffices for a torque without gravity")
     most_excess: float = tuned(1e-2, "of a limit", "excess that is more than the replay's error")
-    least_share: float = tuned(1e-4, "of the time", "a smaller share is zero up to IPOPT's barrier")
+    least_share: float = tuned(1e-4, "of the time", "a limit's smaller share is zero up to IPOPT's barrier")
     bandwidth: float = tuned(160.0, "over the duration", "of the feedback that keeps the replay on its curve")
-
-
-PLANNED = "MotionBenchMaker, Panda, problems 10 to 15 of seven sets"
-FREE = "Panda and UR5, ten random pairs each (seed 1)"
 
 
 @dataclass(frozen=True, kw_only=True)
 class SequentialPolicy:
     """Tuned numbers of sequential convexification: meshes of curves among obstacles, and iterations."""
 
-    shortest: float = tuned(2e-3, "of a leg", "first and last interval of the last mesh among obstacles", PLANNED)
+    cases: ClassVar = "MotionBenchMaker, Panda, problems 10 to 15 of seven sets"
+
+    shortest: float = tuned(2e-3, "of a leg", "first and last interval of the last mesh among obstacles")
     longest: float = tuned(
-        0.025,
-        "of a leg",
-        "longest interval of the last mesh: a link passes an edge; on the coarse one twice that",
-        PLANNED,
+        0.025, "of a leg", "longest interval of the last mesh: a link passes an edge; on the coarse one twice that"
     )
-    least: int = tuned(10, "intervals", "of a leg between regions, however short", "25/300/25 mm: Panda, UR5")
-    within: float = tuned(0.1, "m", "pairs farther apart are out of a step's reach", PLANNED)
-    pairs: int = tuned(16, "pairs", "the nearest, at every pose", PLANNED)
-    passing: float = tuned(0.02, "m", "pairs that pass nearer are also constrained where they are nearest", PLANNED)
-    clearance_added: float = tuned(
-        5e-4, "m", "added to the clearance at the poses, so that it holds between them", PLANNED
-    )
-    paths: int = tuned(3, "paths", "compared on the coarse mesh, the shortest first", PLANNED)
-    near_bound: float = tuned(1.02, "of the time at the velocity limits", "a faster path needs no other", PLANNED)
-    steps: int = tuned(30, "steps", "at most; those that converge take up to 20", PLANNED)
+    least: int = tuned(10, "intervals", "of a leg between regions, however short", CORNERS)
+    within: float = tuned(0.1, "m", "pairs farther apart are out of a step's reach")
+    pairs: int = tuned(16, "pairs", "the nearest, at every pose")
+    passing: float = tuned(0.02, "m", "pairs that pass nearer are also constrained where they are nearest")
+    clearance_added: float = tuned(5e-4, "m", "added to the clearance at the poses, so that it holds between them")
+    paths: int = tuned(3, "paths", "compared on the coarse mesh, the shortest first")
+    near_bound: float = tuned(1.02, "of the time at the velocity limits", "a faster path needs no other")
+    steps: int = tuned(30, "steps", "at most; those that converge take up to 20")
     accuracy: float = tuned(
         1e-6,
         "-",
-        "of a quadratic program; with 1e-5 one of 840 motions among obstacles is 14 % slower, with 1e-8 it takes 1.5 "
-        "times as long",
+        "of a quadratic program; with 1e-5 one of 840 motions among obstacles is 14 % slower, 1e-8 takes 1.5 times as "
+        "long",
         "MotionBenchMaker, Panda, UR5 and xArm7, 90 random pairs (seed 11)",
     )
-    tightened: float = tuned(0.02, "of the merit", "error of a prediction beyond which torques are not judged", FREE)
+    tightened: float = tuned(0.02, "of the merit", "error of a prediction beyond which torques are not judged", TRAINED)
     undamped: int = tuned(
         2,
         "changes",
-        "of exceeded bounds of torques; after each further one the largest radius is halved: curve and margins "
-        "converge together",
+        "of exceeded bounds of torques; each further one halves the largest radius: curve and margins then converge",
         "RRR, Panda and UR5 from moving states",
     )
-    eager: int = tuned(4, "steps", "accepted without a test: 6 instead of 29 steps in all", PLANNED)
-    trust: float = tuned(
-        0.3,
-        "rad or m",
-        "radius of the trust region, first and largest; a third where little has changed",
-        PLANNED,
-    )
-    least_trust: float = tuned(1e-4, "rad or m", "radius below which no step is tried", PLANNED)
-    stretch: float = tuned(0.8, "of a duration per rad or m", "largest change in a step, over the radius", PLANNED)
+    eager: int = tuned(4, "steps", "accepted without a test: 6 instead of 29 steps in all")
+    trust: float = tuned(0.3, "rad or m", "largest and first trust region's radius; a third where little has changed")
+    least_trust: float = tuned(1e-4, "rad or m", "radius below which no step is tried")
+    stretch: float = tuned(0.8, "of a duration per rad or m", "largest change in a step, over the radius")
     poor: float = tuned(0.25, "of the predicted", "gain below which the radius falls", "Nocedal and Wright")
     good: float = tuned(0.75, "of the predicted", "gain above which the radius grows", "Nocedal and Wright")
     price: float = tuned(
         0.3,
         "of the guess's duration",
         "price of a torque beyond its limit by half its range, and of another row by its scale; 2 stalls",
-        PLANNED,
     )
-    distance: float = tuned(
-        14.0,
-        "of the guess's duration per m",
-        "price of a distance below the clearance at a pose",
-        PLANNED + ", Panda round a post at 0.005 rad/s",
-    )
-    rise: float = tuned(
-        10.0, "-", "raises all prices where no step is better and rows are violated", "25/300/25 mm: Kinova"
-    )
+    distance: float = tuned(14.0, "of the guess's duration per m", "price of a pose's distance below the clearance")
+    rise: float = tuned(10.0, "-", "raises all prices where no step is better and rows are violated", CORNERS)
     left: float = tuned(
         0.01,
         "of their scales",
@@ -198,8 +158,7 @@ class SequentialPolicy:
         "of the merit",
         "change that ends the iteration among obstacles, slowing down that ends their rounds, and jump of velocities "
         "between legs, of their limits, that makes a curve no motion; converged ones have 1e-4 at most",
-        PLANNED,
     )
-    free_enough: float = tuned(1e-6, "of the merit", "change that ends the iteration without obstacles", FREE)
-    smooth: float = tuned(1e-5, "s", "weight of squared accelerations over velocity limits; costs 0.2 %", PLANNED)
-    smooth_short: float = tuned(3e-4, "s", "the same between regions, for the longest leg", "25/300/25 mm: Panda, UR5")
+    free_enough: float = tuned(1e-6, "of the merit", "change that ends the iteration without obstacles", TRAINED)
+    smooth: float = tuned(1e-5, "s", "weight of squared accelerations over velocity limits; costs 0.2 %")
+    smooth_short: float = tuned(3e-4, "s", "the same between regions, for the longest leg", CORNERS)

@@ -18,11 +18,7 @@ class LivePolicy:
     shortest: float = tuned(5e-3, "of the duration", "first and last interval; 1e-2 is 0.1 % slower")
     guess_torque: float = tuned(0.7, "of half the range", "that accelerates a guess, by the inertia at its start")
     enough: float = tuned(5e-4, "of the duration", "largest change by the last step of a motion that is returned")
-    reserve: float = tuned(
-        1.5e-3,
-        "of half the range",
-        "reserve of torque of a curve: the error of one step, and of cubics",
-    )
+    reserve: float = tuned(1.5e-3, "of half the range", "of torque of a curve: the error of one step, and of cubics")
     least_reserve: float = tuned(
         4e-4,
         "of a limit",
@@ -30,7 +26,7 @@ class LivePolicy:
         "take up to 1e-4 of a torque, 3e-4 of an acceleration",
     )
     same_position: float = tuned(
-        1e-5, "rad or m", "within this of the last motion, and a hundred times that per second, the arm counts as on it"
+        1e-5, "rad or m", "off the last motion, and 100 times that per second, counts as on it"
     )
     hand_over: float = tuned(2e-3, "s", "before the deadline, plus a step's time: no further step is begun")
     brakes: int = tuned(16, "durations", "tried for a stop, the shortest first")

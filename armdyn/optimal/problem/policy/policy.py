@@ -12,14 +12,9 @@ from armdyn.optimal.problem.choices import MethodName
 from armdyn.optimal.problem.options import MinimumTimeOptions, Scheme
 from armdyn.optimal.problem.policy.bound import BoundPolicy
 from armdyn.optimal.problem.policy.curves import TRAINED, CurvePolicy, SequentialPolicy
-from armdyn.optimal.problem.policy.landing import LandingPolicy, PathConstraintPolicy, ShootingPolicy
+from armdyn.optimal.problem.policy.landing import PathConstraintPolicy, ShootingPolicy
 from armdyn.optimal.problem.policy.live import LivePolicy
-from armdyn.optimal.problem.policy.polish import PolishPolicy
-from armdyn.optimal.problem.policy.refinement import (
-    ArcsPolicy,
-    MotionMeshPolicy,
-    RefinementPolicy,
-)
+from armdyn.optimal.problem.policy.refinement import ArcsPolicy, MotionMeshPolicy, PolishPolicy
 from armdyn.optimal.problem.policy.search import GoalPolicy, ProgramPolicy, SamePolicy, SearchPolicy
 from armdyn.optimal.problem.policy.tuned import by_kind, rows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -79,12 +74,10 @@ class Policy:
         search: guesses, and the choice of optima to refine.
         goals: choice among many goals, and the descent of an end along a pose.
         same: tolerances within which two durations belong to one optimum.
-        refinement: refinement of a mesh's optimum.
         motion_mesh: mesh refinement until the motion is resolved.
-        arcs: detection, meshes and solution of arcs.
+        arcs: detection of arcs.
         polish: exact switching times of a mesh's bang arcs.
-        landing: terminal correction of a mesh's torques.
-        shooting: multiple shooting, and costates along its motion.
+        shooting: multiple shooting, its correction, and costates along its motion.
         path_constraints: tightening of path constraints.
         curves: motions as curves.
         sequential: sequential convexification: curves among obstacles.
@@ -98,11 +91,9 @@ class Policy:
     search: SearchPolicy
     goals: GoalPolicy = field(default_factory=GoalPolicy)
     same: SamePolicy = field(default_factory=SamePolicy)
-    refinement: RefinementPolicy = field(default_factory=RefinementPolicy)
     motion_mesh: MotionMeshPolicy = field(default_factory=MotionMeshPolicy)
     arcs: ArcsPolicy = field(default_factory=ArcsPolicy)
     polish: PolishPolicy = field(default_factory=PolishPolicy)
-    landing: LandingPolicy = field(default_factory=LandingPolicy)
     shooting: ShootingPolicy = field(default_factory=ShootingPolicy)
     path_constraints: PathConstraintPolicy = field(default_factory=PathConstraintPolicy)
     curves: CurvePolicy
@@ -121,6 +112,7 @@ class Policy:
         plain = motors and not has_constraints and not problem.pays_effort
         many = plain and joints == 3  # hundreds of optima
         some = plain and joints == 2
+        wide = np.any(problem.limits.position_upper - problem.limits.position_lower > 4 * np.pi)  # more than two turns
         starts = _by_joints(joints, 1, 32 if some else 16 if motors else 40, 140 if many else 100)
         if problem.effort_weight > 0:
             starts = _by_joints(joints, 2, 64, 24)
@@ -131,7 +123,7 @@ class Policy:
                 condensed=not has_constraints,
                 coarse_barriers=(1e-2, 1e-1) if many else (1e-3, 1e-2),
                 guess_iterations=250 if many else None,
-                flat=1e-4 if _has_rows(problem) else None,
+                flat=1e-4 if set(problem.path_constraint_names) - {"via points"} else None,
             ),
             search=SearchPolicy(
                 starts=starts,
@@ -140,14 +132,15 @@ class Policy:
                 fine_mesh=80 if problem.effort_weight > 0 else 40,
                 neighbour_starts=_by_joints(joints, *((1, 4, 6, 1) if problem.pays_effort else (1, 8, 12, 1))),
                 spread=0.0 if many else 1.5 if joints == 3 else 1.0,
-                uniform_spread=8.0 if many and not _within_two_turns(problem) else 4.0 if many or some else 0.0,
+                uniform_spread=8.0 if many and wide else 4.0 if many or some else 0.0,
                 guess_duration=0.4 if many else 0.6 if some else 1.0,
                 mutated=0.4 if many else 0.0,
                 side_by_side=joints > 2 or (joints > 1 and (has_constraints or problem.pays_effort)),
             ),
             curves=CurvePolicy(
                 cruises=speed_limited,
-                shortest=_shortest(problem, speed_limited),
+                # Continuous torques ramp more slowly than speeds saturate.
+                shortest=(2e-3 if problem.continuous_torque else 3e-4) if speed_limited else 1.0,
                 starts=1 if speed_limited else 4,
                 mesh_starts=_by_joints(joints, 1, 4, 12) if rated and motors and not problem.via else 0,
             ),
@@ -226,23 +219,6 @@ def _has_profiles(problem: MinimumTimeProblem) -> bool:
     limit = problem.acceleration_limit if problem.jerk_limit is None else problem.jerk_limit
     limited = limit is not None and bool(np.all(np.isfinite(limit)))
     return limited and problem.from_rest_to_rest and not (problem.via or problem.has_regions or problem.pays_effort)
-
-
-def _shortest(problem: MinimumTimeProblem, speed_limited: bool) -> float:
-    """First interval of a curve: longer for continuous torques, which ramp more slowly than speeds saturate."""
-    if not speed_limited:
-        return 1.0
-    return 2e-3 if problem.continuous_torque else 3e-4
-
-
-def _has_rows(problem: MinimumTimeProblem) -> bool:
-    """Whether the program has rows besides the equations of motion."""
-    return bool(set(problem.path_constraint_names) - {"via points"})
-
-
-def _within_two_turns(problem: MinimumTimeProblem) -> bool:
-    """Whether no joint can turn more than twice, from limit to limit."""
-    return bool(np.all(problem.limits.position_upper - problem.limits.position_lower <= 4 * np.pi))
 
 
 def _by_joints(joints: int, *numbers: int) -> int:

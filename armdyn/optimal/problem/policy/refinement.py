@@ -1,4 +1,4 @@
-"""Tuned numbers of refinement: meshes of a motion, arcs read off them, adjoint equations."""
+"""Tuned numbers of refinement: meshes of a motion, arcs read off them, their exact switching times."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -7,71 +7,46 @@ from armdyn.optimal.problem.policy.tuned import PLANAR, tuned
 
 
 @dataclass(frozen=True, kw_only=True)
-class RefinementPolicy:
-    """Tuned numbers of the choice among optima, and of motions that are slowed down."""
-
-    cases: ClassVar = PLANAR
-
-    error_factor: float = tuned(
-        5.0, "-", "times the error of the certified one's mesh, that an optimum may be slower", "RRR, ten payloads"
-    )
-    slower: float = tuned(1.02, "of a certified duration", "largest such excess", "RRR, ten payloads")
-    slow_samples: int = tuned(
-        1000, "samples", "of a motion that is slowed down or checked; of one along profiles at least", "RR"
-    )
-
-
-@dataclass(frozen=True, kw_only=True)
 class MotionMeshPolicy:
     """Tuned numbers of mesh refinement until the motion is resolved."""
 
-    cases: ClassVar = "random arms (RR, seed 1)"
+    cases: ClassVar = "random arms (RR, seed 1; RRR)"
 
-    most: int = tuned(
-        4000, "knots", "of a mesh: more take a second; those that were certified took 4,200", "random arms (RRR)"
-    )
+    most: int = tuned(4000, "knots", "of a mesh: more take a second; those that were certified took 4,200")
     rounds: int = tuned(
         4, "meshes", "with seven motions of 26 are no faster, and take twice the time; with three some are 1e-6 slower"
     )
-    iterations: int = tuned(
-        150, "iterations", "on a mesh, at most: certified motions of 80 problems took 80", "random arms (RRR)"
-    )
+    iterations: int = tuned(150, "iterations", "on a mesh, at most: certified motions of 80 problems took 80")
     tolerance: float = tuned(
         1e-7,
         "scaled",
         "of all meshes but the last, a hundredth on it, hundredfold if a motion hardly becomes faster: with idle "
         "joints 1e-9 takes 100 iterations, for the same switches",
-        "random arms (RRR)",
     )
     barrier: float = tuned(
         1e-6,
         "scaled",
         "first of the interior-point method on the first mesh; a hundredth on the others, as their initial solution's, "
         "and a thousandth on the last: with 1e-6 a motion on 2,000 intervals first becomes 1 % slower",
-        "random arms (RRR)",
     )
-    push: float = tuned(1e-5, "of the range", "least distance of the start from bounds", "random arms (RRR)")
+    push: float = tuned(1e-5, "of the range", "least distance of the start from bounds")
     convex: float = tuned(
         1e-5,
         "of T for half a torque's range",
-        "least curvature of torques where T is not convex, in their interval alone: half the iterations "
-        "of a curvature added to all unknowns",
-        "random arms (RRR)",
+        "least curvature of torques where T is not convex, in their interval: half the iterations of one for all",
     )
     decrease: float = tuned(
         3e-8,
         "of the duration",
         "least decrease of the barrier function, or the last mesh counts as solved; thirtyfold on the meshes before",
-        "random arms (RRR)",
     )
-    patience: int = tuned(12, "iterations", "over which the decrease is measured", "random arms (RRR)")
+    patience: int = tuned(12, "iterations", "over which the decrease is measured")
     parts: int = tuned(4, "parts", "of a divided interval, at most")
     jump: float = tuned(0.03, "of half a torque's range", "between intervals that are to be divided")
     bend: float = tuned(
         5e-4,
         "of half the range of a torque's motion",
-        "bend of linear torques at a knot that needs no more: with half of it limited accelerations take 3e-5 of T "
-        "less, in twice the CPU time",
+        "at a knot of linear torques that needs no more: half of it takes 3e-5 of T less, in twice the CPU time",
         "RR, RRR: limited accelerations; time-energy",
     )
     velocity_excess: float = tuned(2e-5, "of a velocity limit", "excess within an interval of constant torque")
@@ -81,7 +56,6 @@ class MotionMeshPolicy:
         (3e-5, 3e-4, 3e-3),
         "of a torque limit",
         "reserves for feedback, in turn, if no replay reproduces the motion: each costs 0.3 to 1.5 times as much of T",
-        "random arms (RRR)",
     )
     slower: float = tuned(
         1e-2,
@@ -94,50 +68,46 @@ class MotionMeshPolicy:
         "of 1 for time",
         "weight of full torques, which determines joints idle in time-optimal motion; the next one where none "
         "converges. Meshes after the first begin with the second: a quarter of the iterations for 5e-7 of T",
-        "random arms (RR, seed 1; RRR)",
     )
     work: int = tuned(
         700_000,
         "intervals",
         "times iterations of all meshes of a problem: 5 CPU s with three joints; a quarter is left for divided meshes",
-        "random arms (RRR)",
     )
-    abandoned: float = tuned(
-        5e-4,
-        "of the best duration",
-        "excess at which a mesh is abandoned: the second is accurate to 2e-4",
-        "random arms (RRR)",
-    )
-    fewest: int = tuned(60, "iterations", "that must be left, or a mesh is not begun", "random arms (RRR)")
-    further_meshes: int = tuned(
-        4, "meshes", "divided where the motion is not yet certified, at most", "random arms (RRR)"
-    )
-    shrink: float = tuned(0.1, "of an interval", "distance of the knots around a switch", "RRR, random pairs")
+    abandoned: float = tuned(5e-4, "of the best duration", "excess that ends a mesh: the second is accurate to 2e-4")
+    fewest: int = tuned(60, "iterations", "that must be left, or a mesh is not begun")
+    further_meshes: int = tuned(4, "meshes", "divided where the motion is not yet certified, at most")
+    shrink: float = tuned(0.1, "of an interval", "distance of the knots around a switch")
 
 
 @dataclass(frozen=True, kw_only=True)
 class ArcsPolicy:
     """Tuned numbers of the detection of arcs on a mesh."""
 
-    cases: ClassVar = PLANAR
+    cases: ClassVar = "RRR: ten payloads, random pairs; Panda, UR5; " + PLANAR
 
     near: float = tuned(
         2e-3, "of a limit", "a torque or speed within this is on its limit: IPOPT's barrier leaves 1e-4"
     )
     near_speed: float = tuned(
-        2e-2,
-        "of a limit",
-        "a mesh is divided at speeds within this: a constant torque keeps the limit in the mean",
-        "Panda, UR5",
+        2e-2, "of a limit", "a mesh is divided at speeds within this: a constant torque keeps the limit in the mean"
     )
-    in_contact: float = tuned(
-        5e-3, "rad or m, or of a velocity limit", "a mesh is divided so near a limit", "RRR, ten payloads"
-    )
-    brief: float = tuned(
-        5e-3,
-        "of the duration",
-        "off all limits is a switch: a mesh is divided around it",
-        "RRR, ten payloads",
-    )
-    touching: float = tuned(2e-5, "of a joint's way", "a position so near its limit is on it", "RRR, random pairs")
-    least_share: float = tuned(1e-6, "of the time", "a smaller share is zero up to the multipliers' errors")
+    in_contact: float = tuned(5e-3, "rad or m, or of a velocity limit", "a mesh is divided so near a limit")
+    brief: float = tuned(5e-3, "of the duration", "off all limits is a switch: a mesh is divided around it")
+    touching: float = tuned(2e-5, "of a joint's way", "a position so near its limit is on it; a speed, of its limit")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PolishPolicy:
+    """Tuned numbers of Newton's method for the exact switching times of a mesh's bang arcs."""
+
+    cases: ClassVar = PLANAR
+
+    brief: float = tuned(0.02, "of an interval", "time on the other limit that is a switch there and back, no rounding")
+    segments: int = tuned(16, "segments", "of a motion, at least: unstable arms need some")
+    steps: int = tuned(8, "steps", "of order six in a segment: states are then right to 1e-9")
+    difference: float = tuned(1e-4, "of a joint's way or speed", "step of differences: rounding equals truncation")
+    rounds: int = tuned(20, "steps", "of Newton's method, also on the replay's miss; most take three to eight")
+    halves: int = tuned(8, "halvings", "of a step")
+    structures: int = tuned(3, "structures", "of one motion: switches that meet vanish")
+    most: int = tuned(40, "switches", "of one motion: more are a torque between its limits, which chatters on a mesh")

@@ -8,8 +8,7 @@ import pytest
 import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.optimal.problem.options import Scheme
-from armdyn.optimal.problem.policy import Policy
-from armdyn.optimal.problem.policy.policy import policy_for
+from armdyn.optimal.problem.policy.policy import Policy, policy_for
 from armdyn.optimal.problem.policy.tuned import rows
 from armdyn.optimal.problem.task import Task
 from problems import paper_problem

@@ -24,7 +24,7 @@ from armdyn.optimal.curves.goals import screened
 from armdyn.optimal.mesh.multistart import in_batches
 from armdyn.optimal.mesh.starts import spline, via_guesses
 from armdyn.optimal.minimum_time import solve_task
-from armdyn.optimal.problem.policy import Policy
+from armdyn.optimal.problem.policy.policy import Policy
 from armdyn.optimal.problem.status import Stop
 from armdyn.optimal.problem.task import Task
 from armdyn.studies.tasks import minimum_time
