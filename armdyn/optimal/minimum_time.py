@@ -69,6 +69,7 @@ def solve_minimum_time(
     task = Task.of(posed, options, progress=listener(progress))
     task.warn_of_options()
     solution = solve_task(task, options.time_limit - (time.perf_counter() - started))
+    task.warn_of_options(solution.calm if solution.moves else None)
     solution = replace(solution, followed=task.not_advised(solution.status))
     return kinematic(problem, solution) if problem.kinematic else solution
 

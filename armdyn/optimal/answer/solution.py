@@ -244,7 +244,7 @@ def minimum_time_summary(solution: Solution) -> dict[str, object]:
         "clearance": near and attributes(near, "distance", "time", "body", "other", "sure", "points"),
         "conditions": [attributes(kept, "name", "share", "said", "reasons") for kept in solution.constraint_reports],
         "reserve": reserve_summary(solution.problem),
-        **attributes(solution.problem, "q_goal", "kinematic"),
+        **attributes(solution.problem, "q_goal", "kinematic", "pays_effort"),
         **attributes(solution, "via_times"),
         "goals": [attributes(goal, "q", "duration") for goal in solution.goals],
         **attributes(solution, "intervals", "iterations"),

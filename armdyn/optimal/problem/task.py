@@ -165,9 +165,17 @@ class Task:
         unreached = () if status is Status.TIME_LIMIT else ("time_limit",)
         return tuple(dict.fromkeys((*self._raised, *unreached, *self._without_effect)))
 
-    def warn_of_options(self) -> None:
-        """Warn of options that are raised, and have no effect on the problem."""
-        for name, why in self._without_effect.items():
+    def warn_of_options(self, calm: float | None = None) -> None:
+        """Warn of options that are raised, and have no effect on the problem.
+
+        Args:
+            calm: time that the solution spends on calm joints [s], where it might be a curve's; None: before the solve.
+        """
+        useless = self._without_effect
+        if calm is not None:
+            on_mesh = not (calm or self.policy.strategy.curves_alone or "calm" in useless)
+            useless = {"calm": "the answer is a motion of a mesh, as fast as can be"} if on_mesh else {}
+        for name, why in useless.items():
             if name in self._raised:
                 warnings.warn(f"`{name}` has no effect here: {why}", ArmdynWarning, stacklevel=3)
 
@@ -196,6 +204,8 @@ class Task:
             )
         if "curves" not in methods:
             return useless | {"calm": "motions of a mesh are as fast as can be"}
+        if problem.pays_effort or problem.has_regions:
+            useless["calm"] = "no time is spent on calm joints with a weight on effort, or through regions"
         if self.policy.strategy.curves_alone:
             useless["max_intervals"] = "motions are curves, which have no mesh"
             if problem.has_clearance or problem.has_regions or (len(problem.poses) > 2 and problem.jerk_limit is None):

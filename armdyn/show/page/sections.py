@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from armdyn.reprs import more_payload, saving_words, short_time
+from armdyn.reprs import more_payload, percent, saving_words, short_time
 from armdyn.show.markup import Html, element, join, table
 from armdyn.show.page.facts import Facts, as_number
 from armdyn.show.page.verdict import Verdict
@@ -120,17 +120,20 @@ def sensitivity_section(facts: Facts, joints: Sequence[str]) -> Section | None:
 
 
 def optima_section(facts: Facts, duration: float) -> Section | None:
-    """The other optima that the search found, slower than the solution."""
+    """The other optima that the search found, which are slower than the solution or, with effort, cost more."""
     others = [x for x in facts.numbers("local_optima") if x is not None]
     if not others:
         return None
     items = [
-        element("li", element("b", f"{x:.4f} s"), f" {100 * (x / duration - 1):+.2g} %" if duration > 0 else "")
+        element("li", element("b", f"{x:.4f} s"), f" {'+' * (x > duration)}{percent(x / duration - 1)}")
         for x in others[:12]
     ]
     if len(others) > 12:
         items.append(element("li", f"and {len(others) - 12} more"))
     text = "Slower motions that are optimal among their neighbours. No method proves that there is no faster one."
+    if facts.true("pays_effort"):
+        text = "Motions that are optimal among their neighbours, and cost more time and effort together (J) than this; "
+        text += "here their durations. No method proves that no motion costs less."
     return Section("optima", "Other optima met", join([element("p", text), element("ul", *items, class_="chips")]))
 
 

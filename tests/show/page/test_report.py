@@ -15,7 +15,7 @@ from armdyn.show.page.facts import Facts
 from armdyn.show.page.joints import compared
 from armdyn.show.page.motions import ShownMotion, Subject
 from armdyn.show.page.report import Report, report_html, report_of
-from armdyn.show.page.sections import deciding_section, td
+from armdyn.show.page.sections import deciding_section, optima_section, td
 from armdyn.show.page.verdict import tiles_of, verdict_of
 from armdyn.studies.preset_costs import ConditionCost
 from show.motions import quintic
@@ -306,3 +306,14 @@ def test_seconds_that_more_of_a_limit_saves_are_no_powers_of_ten_of_ms():
 def test_a_motion_without_a_result_is_not_said_to_be_of_another_planner():
     verdict = verdict_of(Facts({"feasible": True, "replay_error": 1e-9, "growth": 1.0}))
     assert verdict.headline == "Keeps its limits" and "planner" not in verdict.said
+
+
+@pytest.mark.parametrize(
+    ("effort", "words"),
+    [(False, "Slower motions that are optimal"), (True, "cost more time and effort together (J) than this;")],
+)
+def test_other_optima_say_what_they_are_compared_by_and_their_differences_in_per_cent(effort, words):
+    section = optima_section(Facts({"local_optima": [0.18, 0.22, 0.44], "pays_effort": effort}), 0.2)
+    said = " ".join(text_of(section.body).split())
+    assert words in said
+    assert all(one in said for one in ("0.1800 s -10 %", "0.2200 s +10 %", "0.4400 s +120 %")), said
