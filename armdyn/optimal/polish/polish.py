@@ -6,8 +6,7 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.dynamics.numeric import joint_inertia
-from armdyn.optimal.polish.newton import BangMotion, bang_motion, fastest
-from armdyn.optimal.polish.shooting import BangShooting, carried
+from armdyn.optimal.polish.bang_motion import BangMotion, carried, fastest
 from armdyn.optimal.polish.structure import Structure, Switches, switches_by, switches_of
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.arc import Arc, Mode
@@ -49,7 +48,7 @@ def polished(task: Task, motion: Trajectory, solved: set[Structure]) -> Phases |
         best, least = (phases, missed) if missed < least else (best, least)
         if missed <= GOAL_TOLERANCE / 100 or not closer or task.stop:
             break
-        goal = goal - miss / found[1].shooting.size
+        goal = goal - miss / found[1].size
         again, left = fastest(replace(found[1], goal=goal), task.stop)
         if left is not None:
             break
@@ -78,12 +77,7 @@ def _solved(task: Task, motion: Trajectory, solved: set[Structure]) -> tuple[Swi
     for _ in range(numbers.structures):
         if switches.times.size > numbers.most or switches.structure in solved:
             return None
-        shooting = BangShooting.of(problem, task.policy, switches, size)
-        lengths = switches.lengths / shooting.unit
-        begins = np.append(0.0, np.cumsum(lengths[shooting.arc_of] * shooting.share)[:-1])
-        x = np.stack([np.interp(begins, t, each) for each in states.T], axis=1)
-        x[0] = np.concatenate([problem.q_start, problem.v_start])
-        near = bang_motion(shooting, lengths, x / size, problem.x_goal / size)
+        near = BangMotion.of(problem, task.policy, switches, (t, states), size).with_costates()
         if near is None:
             return None
         found, proposed = fastest(near, task.stop)
@@ -94,53 +88,53 @@ def _solved(task: Task, motion: Trajectory, solved: set[Structure]) -> tuple[Swi
             solved.add(switches.structure)
             switches = asked
         else:
-            ends = np.cumsum(proposed) * shooting.unit
+            ends = np.cumsum(proposed) * found.unit
             if asked or np.min(proposed) > 0 or ends[-1] <= 0 or task.stop:
                 return None
             times = [ends[:-1][switches.joint == i] for i in range(problem.robot.nv)]
             switches = Switches.ordered(switches.first, times, float(ends[-1]))
-        t = np.append(0.0, np.cumsum(found.lengths[shooting.arc_of] * shooting.share)) / np.sum(found.lengths)
+        t = np.append(0.0, np.cumsum(found.seconds)) / np.sum(found.seconds)
         states = np.vstack([found.x, found.goal]) * size
     return None
 
 
 def _asked_for(task: Task, own: Switches, motion: BangMotion, along: _Along) -> Switches | None:
     """The switches that a motion's costates ask for; None: its own."""
-    h, (nodes, _), tau = motion.shooting.seconds(motion.lengths), _QUADRATURE, motion.shooting.tau
+    h, (nodes, _), tau = motion.seconds, _QUADRATURE, motion.tau
     switching = along[2][:, 1:-1]
     excess = 2 * switching * (tau - task.problem.limits.actuators.center)[:, None]  # by which H could be lower
     if np.max(excess) <= OPTIMALITY_TOLERANCE:
         return None
     times = np.cumsum(h)[:, None] - h[:, None] * (1 - nodes)
-    ends = np.cumsum(motion.lengths) * motion.shooting.unit
+    ends = np.cumsum(motion.lengths) * motion.unit
     moved = Switches(own.first, ends[:-1], own.joint, float(ends[-1]))
     return switches_by(moved, times.ravel(), switching.reshape(times.size, -1))
 
 
 def _along(task: Task, motion: BangMotion) -> _Along:
     """States, costates and switching functions at the start, the Gauss points and the end of every segment."""
-    problem, shooting, n = task.problem, motion.shooting, task.problem.robot.nv
-    size, (nodes, _), h, tau = shooting.size, _QUADRATURE, shooting.seconds(motion.lengths), shooting.tau
+    problem, n, (last, by_start, _) = task.problem, task.problem.robot.nv, motion.ends
+    size, (nodes, _), h, tau = motion.size, _QUADRATURE, motion.seconds, motion.tau
     torques = np.tile(np.stack([tau, tau], axis=1), (nodes.size, 1, 1))
     starts = np.tile(motion.x * size, (nodes.size, 1))
     ends, flow, _ = gauss_steps(problem.robot)((nodes[:, None] * h).ravel(), starts, torques, task.policy.polish.steps)
-    end = motion.costate * shooting.unit / size
-    first = np.einsum("sab,sa->sb", motion.ends.by_start * size[:, None] / size, end)
+    end = motion.costate * motion.unit / size
+    first = np.einsum("sab,sa->sb", by_start * size[:, None] / size, end)
     inner = carried(flow.reshape(nodes.size, h.size, 2 * n, 2 * n), first)
     costate = np.concatenate([first[None], inner, end[None]]).swapaxes(0, 1)
-    x = np.concatenate([motion.x[None] * size, ends.reshape(nodes.size, h.size, 2 * n), motion.ends.x[None] * size])
+    x = np.concatenate([motion.x[None] * size, ends.reshape(nodes.size, h.size, 2 * n), last[None] * size])
     x = x.swapaxes(0, 1)
     return x, costate, np.linalg.solve(joint_inertia(problem.robot)(x[..., :n]), costate[..., n:, None])[..., 0]
 
 
 def _phases(task: Task, switches: Switches, motion: BangMotion, along: _Along) -> Phases:
     """The motion's arcs with costates at the starts and Gauss points of its segments."""
-    problem, shooting, n = task.problem, motion.shooting, task.problem.robot.nv
-    h, x, (_, shares) = shooting.seconds(motion.lengths), motion.x * shooting.size, _QUADRATURE
+    problem, n = task.problem, task.problem.robot.nv
+    h, x, (_, shares) = motion.seconds, motion.x * motion.size, _QUADRATURE
     whole, costate, switching = along
-    inner, tau, t = whole[:, 1:-1].reshape(-1, 2 * n), shooting.tau, np.append(0.0, np.cumsum(h))
+    inner, tau, t = whole[:, 1:-1].reshape(-1, 2 * n), motion.tau, np.append(0.0, np.cumsum(h))
     weights = (h[:, None] * shares).reshape(-1, 1)
-    arcs, states = _arcs(task, switches, motion.lengths * shooting.unit), np.vstack([x, whole[-1:, -1]])
+    arcs, states = _arcs(task, switches, motion.lengths * motion.unit), np.vstack([x, whole[-1:, -1]])
     return Phases(
         t=t,
         q=states[:, :n],
