@@ -15,7 +15,7 @@ from armdyn.arrays import Array
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.mesh.candidates import SearchResult, find
 from armdyn.optimal.mesh.direct import Attempt, solve_on_mesh
-from armdyn.optimal.mesh.motion_mesh import MeshWork, finer_knots, mesh_optimum, on_finer_meshes
+from armdyn.optimal.mesh.motion_mesh import finer_knots, mesh_optimum, on_finer_meshes
 from armdyn.optimal.mesh.multistart import distinct
 from armdyn.optimal.mesh.shooting import replay_on_goal
 from armdyn.optimal.polish.polish import polished
@@ -29,8 +29,6 @@ from armdyn.optimal.verify.within_limits import can_be_slowed
 from armdyn.parallel import in_processes
 from armdyn.trajectory import Trajectory
 
-_GIVEN_UP = "refinement was given up: its budget of mesh iterations is spent"
-
 
 def mesh(task: Task, rough: Callable[[Task], Sequence[Trajectory]]) -> tuple[list[Optimum], SearchResult]:
     """Optima by cost on meshes, and the search's statistics.
@@ -42,63 +40,51 @@ def mesh(task: Task, rough: Callable[[Task], Sequence[Trajectory]]) -> tuple[lis
     found = (_near_guesses(task, rough(task)) if task.problem.path_constraint_names else None) or find(task)
     if not found.attempts:
         return [], found
-    optima, given_up = _best_first(replace(task, intervals=found.mesh), found.attempts)
+    optima = _best_first(replace(task, intervals=found.mesh), found.attempts)
     left = [attempt.trajectory.duration for attempt in found.attempts[len(optima) :]]
-    return optima, replace(found, slower=tuple(left), remark=_GIVEN_UP if given_up else found.remark)
+    return optima, replace(found, slower=tuple(left))
 
 
-def _best_first(task: Task, attempts: Sequence[Attempt]) -> tuple[list[Optimum], bool]:
-    """The optima near solutions, best first, until the others cost more; and whether the budget is spent."""
+def _best_first(task: Task, attempts: Sequence[Attempt]) -> list[Optimum]:
+    """The optima near solutions, best first, until the others cost more."""
     numbers, limited = task.policy.same, bool(task.problem.path_constraint_names)
-    # In sequence they share motions: most of the work with active velocity limits.
-    alone = bool(np.any(np.isfinite(task.problem.limits.velocity)))
-    shared = MeshWork(task.policy.motion_mesh) if alone else None
     optima, cutoff = list[Optimum](), np.inf
     task.progress(f"optimum 1 of {len(attempts)}, about {attempts[0].trajectory.duration:.4f} s")
-    jobs = [
-        partial(_keeping_constraints, task, one)
-        if limited
-        else partial(_optimum, task, one, shared or MeshWork(task.policy.motion_mesh))
-        for one in attempts
-    ]
-    for k, optimum in enumerate(in_processes(jobs, 1 if alone else task.workers, first_here=True)):
+    jobs = [partial(_keeping_constraints if limited else _optimum, task, one) for one in attempts]
+    for k, optimum in enumerate(in_processes(jobs, task.workers, first_here=True)):
         optima.append(optimum)
         if optimum.usable:
-            if shared:
-                shared.best = min(shared.best, optimum.cost)
             coarse, cost = attempts[k].cost, optimum.cost
             known = limited or optimum.certificate.ok
             sure = coarse + numbers.error_factor * abs(coarse - cost) if known else np.inf
             cutoff = min(cutoff, sure, numbers.slower * cost)
         left = attempts[k + 1 :]
-        if left and (task.stop or left[0].cost > cutoff or (shared and shared.spent)):
+        if left and (task.stop or left[0].cost > cutoff):
             break
         if left:
             task.progress(f"optimum {k + 2}, about {left[0].trajectory.duration:.4f} s")
-    return optima, shared is not None and shared.spent
+    return optima
 
 
-def _optimum(task: Task, attempt: Attempt, work: MeshWork) -> Optimum:
+def _optimum(task: Task, attempt: Attempt) -> Optimum:
     """Best motion near a mesh's solution: its bang arcs, else the resolved mesh's motion or its bang arcs."""
     if not attempt.usable:
         last, why = attempt.trajectory, f"did not converge on {attempt.intervals} intervals ({attempt.message})"
         failed = Optimum.of(task.problem, replay_of(task, last), attempt.intervals, None, why)
         return replace(failed, trajectory=last, worst_violation=attempt.worst_violation)
-    asked = task.problem.limits.actuators.constant
-    if not asked or task.stop:
-        why = "torques are linear between knots" if not asked else f"{task.stop.word} before the arcs were read"
+    if task.stop:
+        why = f"{task.stop.word} before the arcs were read"
         return Optimum.of(task.problem, replay_on_goal(task, attempt), attempt.intervals, None, why)
     exact = partial(_exact, task, set())
     if (found := exact(attempt)) is not None:
         return found
-    motion = mesh_optimum(task, attempt, work, exact)
+    motion = mesh_optimum(task, attempt, exact)
     if motion is not None and motion.phases is not None:
         return motion
     if motion is None or not motion.within_limits:
         own = Optimum.of(task.problem, replay_on_goal(task, attempt), attempt.intervals)
         return own if motion is None else min(own, motion, key=partial(_rank, task))
-    arcs = arcs_of(task.problem, motion.trajectory, task.policy.arcs)
-    return replace(motion, arcs=arcs)
+    return replace(motion, arcs=arcs_of(task.problem, motion.trajectory, task.policy.arcs))
 
 
 def _exact(task: Task, solved: set[Structure], mesh: Attempt) -> Optimum | None:
@@ -134,14 +120,14 @@ def _keeping_constraints(task: Task, attempt: Attempt) -> Optimum:
         task: a problem with path constraints.
         attempt: a usable solution as the initial guess.
     """
-    numbers, meshes, iterations = task.policy.path_constraints, task.policy.motion_mesh, 0
-    again = replace(task.fine(), barrier=task.policy.program.fine_barrier / 10, tolerance=meshes.tolerance)
+    numbers, iterations, tolerance = task.policy.path_constraints, 0, task.policy.motion_mesh.tolerance
+    again = replace(task.fine(), barrier=task.policy.program.fine_barrier / 10, tolerance=tolerance)
 
     def solve(guess: Trajectory, knots: Array) -> Attempt:
         return solve_on_mesh(task, guess, knots.size - 1, again, knots=knots)
 
-    finer = partial(finer_knots, task, numbers=meshes)
-    for one in on_finer_meshes(task, attempt, finer(attempt), meshes, solve, finer, numbers.settled):
+    finer = partial(finer_knots, task)
+    for one in on_finer_meshes(task, attempt, finer(attempt), solve, finer, numbers.settled):
         attempt, iterations = one, iterations + one.iterations
         task.progress(f"{one.intervals} intervals: {one.trajectory.duration:.6f} s")
     constraints, margins, best = TightenedConstraints.of(task), MeshMargins(), _checked(task, attempt)

@@ -5,7 +5,7 @@ jumps off their limits and along limits of velocity and position, where also the
 ones where they bend or jump.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,13 +14,9 @@ from armdyn.arrays import Array, Flags, Index
 from armdyn.optimal.mesh.condensed import solve_on_knots
 from armdyn.optimal.mesh.direct import Attempt
 from armdyn.optimal.mesh.mesh_costates import MeshCostates, mesh_costates
-from armdyn.optimal.mesh.multistart import distinct
 from armdyn.optimal.mesh.shooting import Shooting, gaps, landed
 from armdyn.optimal.mesh.unknowns import mesh
 from armdyn.optimal.problem.options import Acceptable, SolverSettings
-from armdyn.optimal.problem.policy.refinement import MotionMeshPolicy
-from armdyn.optimal.problem.policy.search import SamePolicy
-from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import LIMIT_TOLERANCE, OPTIMALITY_TOLERANCE, repeated
 from armdyn.optimal.verify.costates import idle_joints
@@ -31,61 +27,17 @@ from armdyn.reprs import percent
 from armdyn.trajectory import Trajectory
 
 
-class MeshWork:
-    """Budget of meshes of one problem, and their motions so far: similar solutions are solved once.
-
-    Attributes:
-        left: intervals times iterations left in the budget, the same on every machine.
-        best: duration of the fastest usable motion of the problem [s]; infinite: no such motion.
-    """
-
-    def __init__(self, numbers: MotionMeshPolicy) -> None:
-        self.left, self.best, self._numbers = float(numbers.work), np.inf, numbers
-        self._known: list[tuple[Sequence[Attempt], Optimum | None]] = []
-
-    @property
-    def spent(self) -> bool:
-        """Whether the budget is spent, but for divided meshes."""
-        return self.left < self.reserve
-
-    @property
-    def reserve(self) -> float:
-        """Part of the budget that is left for divided meshes."""
-        return self._numbers.work / 4
-
-    def beats(self, mesh: Attempt) -> bool:
-        """Whether the best usable motion is so much faster than a mesh's motion that the mesh is skipped."""
-        return mesh.cost > (1 + self._numbers.abandoned) * self.best
-
-    def usable_by(self, duration: float) -> bool:
-        """Whether a motion of at most this duration is usable."""
-        known = (optimum for _, optimum in self._known if optimum is not None and optimum.cost <= duration)
-        return any(one.usable for one in known)
-
-    def add(self, meshes: Sequence[Attempt], optimum: Optimum | None) -> None:
-        """Record the result of solutions on successive meshes; None: no result."""
-        self._known.append((meshes, optimum))
-
-    def like(self, meshes: Sequence[Attempt], same: SamePolicy) -> tuple[Optimum | None] | None:
-        """Recorded result of the same solution on the last of these meshes; None: not recorded."""
-        k = len(meshes) - 1
-        for known, optimum in self._known:
-            if k < len(known) and len(distinct([known[k], meshes[k]], same.resolved, same.distance)) == 1:
-                return (optimum,)
-        return None
-
-
 class _Meshes:
-    """Solver of meshes with small margins of the velocity limits.
+    """Solver of meshes with small margins of the velocity limits, within a budget of work.
 
     Attributes:
         task: the problem and its settings.
-        work: budget of the problem, and its motions so far.
-        tie: index of the tie of the last solution.
+        left: intervals times iterations left in the budget, the same on every machine.
+        tie: weight of full torques in the last solution, see `Scales.weights`.
     """
 
-    def __init__(self, task: Task, work: MeshWork) -> None:
-        self.task, self.work, self.tie = task, work, 0
+    def __init__(self, task: Task) -> None:
+        self.task, self.left, self.tie = task, float(task.policy.motion_mesh.work), 0.0
 
     def finer(self, attempt: Attempt) -> Iterator[Attempt]:
         """Rough solutions of one optimum on successively finer meshes."""
@@ -94,39 +46,28 @@ class _Meshes:
 
         def solve(guess: Trajectory, knots: Array) -> Attempt:
             begins = knots is first
-            return self._solved(within, guess, knots, rough if begins else self._settings(rough=True), int(not begins))
+            self.tie = numbers.ties[int(not begins)]
+            return self._solved(within, guess, knots, rough if begins else self._settings(rough=True))
 
         def finer(one: Attempt) -> Array:
-            knots = finer_knots(within, one, numbers)
-            return knots if self.affordable(knots, self.work.reserve) else one.mesh
+            return finer_knots(within, one) if self.left > 0 else one.mesh
 
         first = finer(attempt) if self.task.scheme.control == "linear" else mesh(4 * self.task.policy.search.fine_mesh)
-        yield from on_finer_meshes(self.task, attempt, first, numbers, solve, finer)
+        yield from on_finer_meshes(self.task, attempt, first, solve, finer)
 
-    def sharp(self, rough: Attempt) -> Attempt:
-        """Solve on the mesh of a rough solution; the rough one without convergence or budget."""
-        if not self.affordable(rough.mesh) or self.task.stop:
-            return rough
-        found = self._once(self._within(MeshMargins()), rough.trajectory, rough.mesh, self._settings(), self.tie)
-        return found if found.usable else rough
+    def sharp(self, attempt: Attempt, knots: Array, margins: MeshMargins | None = None) -> Attempt | None:
+        """Solve sharply from a solution, with margins of the limits; None without convergence or budget.
 
-    def divided(self, attempt: Attempt, to_divide: Flags, margins: MeshMargins) -> Attempt | None:
-        """Solve on a mesh with the flagged intervals, shape (K,), divided; None without convergence or budget."""
-        numbers = self.task.policy.motion_mesh
-        knots = _in_parts(attempt.mesh, np.where(to_divide, numbers.parts, 1))
-        divide = np.any(to_divide) and knots.size <= numbers.most and self.affordable(knots)
-        return self.again(attempt, knots, margins) if divide else None
-
-    def again(self, attempt: Attempt, knots: Array, margins: MeshMargins) -> Attempt | None:
-        """Solve on other knots, with margins of the limits; None without convergence."""
-        if self.task.stop:
+        Args:
+            attempt: a solution, the guess.
+            knots: knots of the mesh, the attempt's or others, shape (N + 1,).
+            margins: margins; None: none.
+        """
+        if self.task.stop or self.left <= 0 or knots.size > self.task.policy.motion_mesh.most:
             return None
-        found = self._solved(self._within(margins), attempt.trajectory, knots, self._settings(), self.tie)
+        within = self._within(margins or MeshMargins())
+        found = self._solved(within, attempt.trajectory, knots, self._settings())
         return found if found.usable else None
-
-    def affordable(self, knots: Array, spare: float = 0) -> bool:
-        """Whether the budget left is more than a mesh needs."""
-        return self.work.left - spare >= self.task.policy.motion_mesh.fewest * (knots.size - 1)
 
     def _settings(self, rough: bool = False) -> SolverSettings:
         """Settings of a solve from the solution on another mesh: of the last mesh, or of the rough ones before.
@@ -144,30 +85,10 @@ class _Meshes:
             acceptable=Acceptable(error, error, decrease, numbers.patience),
         )
 
-    def _solved(self, task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, tie: int) -> Attempt:
-        """A solution on a mesh, with a larger tie if long idle joints prevent convergence."""
-        numbers, self.tie = self.task.policy.motion_mesh, tie
-        found = self._once(task, guess, knots, settings, tie)
-        if found.usable and found.iterations == settings.max_iterations:  # still becoming faster
-            found = replace(found, status=Status.ITERATION_LIMIT)
-        if (
-            found.usable
-            or self.task.stop
-            or tie + 1 == len(numbers.ties)
-            or not self.affordable(knots, self.work.reserve)
-        ):
-            return found
-        near = found.trajectory if found.status is Status.ITERATION_LIMIT else guess
-        return self._solved(task, near, knots, settings, tie + 1)
-
-    def _once(self, task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, tie: int) -> Attempt:
+    def _solved(self, task: Task, guess: Trajectory, knots: Array, settings: SolverSettings) -> Attempt:
         """Result of one solve on a mesh."""
-        numbers, size = self.task.policy.motion_mesh, knots.size - 1
-        granted = max(numbers.fewest, int(max(self.work.left, 0) // size))
-        most = min(settings.max_iterations, granted)
-        weight = 0.0 if task.problem.pays_effort else numbers.ties[tie]
-        found = solve_on_knots(task, guess, knots, replace(settings, max_iterations=most), weight)
-        self.work.left -= found.iterations * size
+        found = solve_on_knots(task, guess, knots, settings, 0.0 if task.problem.pays_effort else self.tie)
+        self.left -= found.iterations * (knots.size - 1)
         return found
 
     def _within(self, margins: MeshMargins) -> Task:
@@ -179,7 +100,6 @@ def on_finer_meshes(
     task: Task,
     attempt: Attempt,
     knots: Array,
-    numbers: MotionMeshPolicy,
     solve: Callable[[Trajectory, Array], Attempt],
     finer: Callable[[Attempt], Array],
     settled: float = -np.inf,
@@ -190,12 +110,11 @@ def on_finer_meshes(
         task: the problem and its settings; after a stop the last solution is dropped.
         attempt: a solution near the first.
         knots: of the first mesh as parts of the duration, shape (N + 1,).
-        numbers: numbers of meshes and knots, and the tolerance for another optimum.
         solve: maps a guess and knots to a solution.
         finer: maps a solution to its knots and further ones.
         settled: gain by a mesh, as a part of the duration, that ends them.
     """
-    near = attempt
+    near, numbers = attempt, task.policy.motion_mesh
     for _ in range(numbers.rounds):
         found = solve(near.trajectory, knots)
         slower = found.cost > (1 + numbers.slower) * near.cost
@@ -210,68 +129,48 @@ def on_finer_meshes(
         knots = more
 
 
-def finer_knots(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
-    """The attempt's knots and further ones; with a larger collocation error if these would be too many."""
-    if task.scheme.control == "linear":
-        return _bent(task, attempt, numbers)
-    more = _divided(task, attempt, numbers)
-    return more if more.size <= numbers.most else _divided(task, attempt, replace(numbers, gap=10 * numbers.gap))
+def finer_knots(task: Task, attempt: Attempt) -> Array:
+    """The attempt's knots and further ones, at most `parts` in an interval, where its motion is not resolved."""
+    numbers, knots, lengths = task.policy.motion_mesh, attempt.mesh, np.diff(attempt.mesh)
+    own = _by_bends(attempt, numbers.bend) if task.scheme.control == "linear" else _by_jumps(task, attempt)
+    parts = np.clip(np.ceil(np.maximum(own, _by_limits(task, attempt))), 1, numbers.parts)
+    return _in_parts(knots, np.where(lengths > numbers.least, parts, 1).astype(int))
 
 
-def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
-    limits, knots, motion = task.problem.limits, attempt.mesh, attempt.trajectory
-    lengths = np.diff(knots)
-    middle = motion(motion.duration * (knots[:-1] + knots[1:]) / 2)
-    level = (middle.tau - limits.actuators.center) / limits.actuators.scale
-    off = np.abs(level) < 1 - task.policy.arcs.near
+def _by_jumps(task: Task, attempt: Attempt) -> Array:
+    """Numbers of parts, shape (K,), in which constant torques switch, and the collocation's error is small."""
+    numbers, shooting, actuators = task.policy.motion_mesh, task.policy.shooting, task.problem.limits.actuators
+    knots, motion = attempt.mesh, attempt.trajectory
+    level = motion(motion.duration * (knots[:-1] + knots[1:]) / 2).tau / actuators.scale
     jumps = np.pad(np.any(np.abs(np.diff(level, axis=0)) > numbers.jump, axis=1), 1)
     parts = np.where(jumps[:-1] | jumps[1:], numbers.parts, 1.0)  # a switch at a knot may be on either side
-    brief = np.zeros(level.shape, bool)
-    brief[1:-1] = off[1:-1] & (level[:-2] * level[2:] < 2 * task.policy.arcs.near - 1)
-    alone = np.any(brief, axis=1) & (off.sum(axis=1) == 1)
-    parts[alone] = 1.0
-    shooting = task.policy.shooting
     missed, *_ = gaps(task.problem.robot, Shooting.of(task.problem, attempt, shooting.near), shooting.steps)
     gap = np.nan_to_num(np.max(np.abs(missed), axis=1))  # error of fifth order; NaN where a motion diverges
-    parts = np.maximum(parts, np.maximum(_by_limits(task, attempt, numbers), (gap / numbers.gap) ** 0.2))
-    counts = np.where(lengths > numbers.least, np.ceil(np.minimum(parts, numbers.parts)), 1).astype(int)
-    more = [_in_parts(knots, counts)]
-    around = numbers.shrink * np.array([-0.5, 0.5])
-    for k, joint in zip(*np.nonzero(brief & (lengths > numbers.least)[:, None]), strict=True):
-        share = (1 + level[k, joint] * np.sign(level[k - 1, joint])) / 2  # part of the interval before the switch
-        place = np.clip(share, numbers.shrink, 1 - numbers.shrink) + around
-        more.append(knots[k] + lengths[k] * place)
-    found = np.unique(np.concatenate([knots, *more]))
-    apart = np.append(np.diff(found) > numbers.least / 20, True)
-    return np.asarray(found[apart | (found == 0)])
+    return np.asarray(np.maximum(parts, (gap / numbers.gap) ** 0.2))
 
 
-def _by_limits(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
+def _by_bends(attempt: Attempt, most: float) -> Array:
+    """Numbers of parts, shape (K,), in which linear torques bend, or jump, by at most a part of half their range."""
+    lengths, tau = np.diff(attempt.mesh), attempt.trajectory(attempt.trajectory.duration * attempt.mesh).tau
+    used = np.ptp(tau, axis=0) / 2  # half the range, if both limits are reached
+    level = tau / np.where(used > 0, used, 1.0)
+    after = (lengths[:-1] / (lengths[:-1] + lengths[1:]))[:, None]
+    bend = np.abs(level[1:-1] - (1 - after) * level[:-2] - after * level[2:]).max(axis=1)
+    return np.asarray(np.sqrt(np.maximum(np.pad(bend, (1, 0)), np.pad(bend, (0, 1))) / most))
+
+
+def _by_limits(task: Task, attempt: Attempt) -> Array:
     """Numbers of parts, shape (K,), in which intervals on limits of velocity and position bow by the tolerance."""
-    limits, near, motion = task.problem.limits, task.policy.arcs, attempt.trajectory
-    knots = attempt.mesh
+    limits, near, motion, knots = task.problem.limits, task.policy.arcs, attempt.trajectory, attempt.mesh
     at, middle = motion(motion.duration * knots), motion(motion.duration * (knots[:-1] + knots[1:]) / 2)
     excesses = [np.abs(mean - (ends[:-1] + ends[1:]) / 2) for mean, ends in ((middle.v, at.v), (middle.q, at.q))]
     fast = np.maximum(np.abs(at.v[:-1]), np.abs(at.v[1:])) > (1 - near.near_speed) * limits.velocity
     steady = np.abs(np.diff(at.v, axis=0)) < near.in_contact * limits.velocity
     margin = np.minimum(at.q - limits.position_lower, limits.position_upper - at.q)
     close = np.minimum(margin[:-1], margin[1:]) < near.in_contact
-    bow = np.where(fast & steady, excesses[0] / (numbers.velocity_excess * limits.velocity), 0.0)
+    bow = np.where(fast & steady, excesses[0] / (task.policy.motion_mesh.velocity_excess * limits.velocity), 0.0)
     bow = np.maximum(bow, np.where(close, excesses[1] / LIMIT_TOLERANCE, 0.0))
     return np.asarray(np.sqrt(bow.max(axis=1)))
-
-
-def _bent(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
-    """The attempt's knots, and further ones where torques linear in an interval bend, or jump."""
-    knots, motion = attempt.mesh, attempt.trajectory
-    lengths, tau = np.diff(attempt.mesh), motion(motion.duration * knots).tau
-    used = np.ptp(tau, axis=0) / 2  # half the range, if both limits are reached
-    level = tau / np.where(used > 0, used, 1.0)
-    after = (lengths[:-1] / (lengths[:-1] + lengths[1:]))[:, None]
-    bend = np.abs(level[1:-1] - (1 - after) * level[:-2] - after * level[2:]).max(axis=1)
-    parts = np.sqrt(np.maximum(np.pad(bend, (1, 0)), np.pad(bend, (0, 1))) / numbers.bend)
-    parts = np.maximum(parts, _by_limits(task, attempt, numbers))
-    return _in_parts(knots, np.where(lengths > numbers.least, np.clip(np.ceil(parts), 1, numbers.parts), 1).astype(int))
 
 
 def _in_parts(knots: Array, counts: Index) -> Array:
@@ -281,35 +180,26 @@ def _in_parts(knots: Array, counts: Index) -> Array:
     return np.append(knots[own] + np.diff(knots)[own] * (part / counts[own]), knots[-1])
 
 
-def mesh_optimum(
-    task: Task, attempt: Attempt, work: MeshWork, exact: Callable[[Attempt], Optimum | None]
-) -> Optimum | None:
+def mesh_optimum(task: Task, attempt: Attempt, exact: Callable[[Attempt], Optimum | None]) -> Optimum | None:
     """Resolved motion of a mesh, landed by multiple shooting, with the bound on its first-order saving.
 
     Args:
         task: the problem and its settings.
         attempt: a solution near the motion.
-        work: budget of the problem, and its motions so far; extended here.
         exact: maps a solution on a mesh to the exact motion near it, if there is one.
 
     Returns:
-        The exact motion, or the mesh's; None if no mesh converges, the motion does not land, or a usable one is much
-        faster.
+        The exact motion, or the mesh's; None if no mesh converges, or the motion does not land.
     """
-    meshes, tried, best = _Meshes(task, work), list[Attempt](), None
+    meshes, last = _Meshes(task), None
     for rough in meshes.finer(attempt):
-        tried.append(rough)
-        if (known := work.like(tried, task.policy.same)) is not None:
-            return known[0]
-        if len(tried) > 1 and work.beats(rough):
-            break
-        if len(tried) > 1 and (best := exact(rough)) is not None:
-            break
-    else:
-        sharp = meshes.sharp(tried[-1]) if tried else None
-        best = None if sharp is None else exact(sharp) or _divided_until_certified(meshes, sharp)
-    work.add(tried, best)
-    return best
+        if last is not None and (found := exact(rough)) is not None:
+            return found
+        last = rough
+    if last is None:
+        return None
+    last = meshes.sharp(last, last.mesh) or last
+    return exact(last) or _divided_until_certified(meshes, last)
 
 
 @dataclass(frozen=True, eq=False)
@@ -329,66 +219,29 @@ class _Judged:
 
 def _divided_until_certified(meshes: _Meshes, mesh: Attempt) -> Optimum | None:
     """Best motion of a mesh, divided repeatedly until certified; None if none reaches the goal."""
-    task, most = meshes.task, meshes.task.policy.motion_mesh.further_meshes
-    best = _judged(task, mesh, by_limits=True)
+    task, numbers, best = meshes.task, meshes.task.policy.motion_mesh, _judged(meshes.task, mesh)
     if best is None:
         return None
-    for k in range(most):
+    for k in range(numbers.further_meshes):
+        if not np.any(best.to_divide):
+            break
         velocity, position = excess(task, best.optimum)
         margins = MeshMargins(velocity if k else 0.0, position)  # shorter intervals: smaller excess
-        divided = meshes.divided(mesh, best.to_divide, margins)
-        by_limits = k + 1 < most and not np.isfinite(best.saving)  # else the savings are compared
-        found = None if divided is None else _judged(task, divided, by_limits)
+        divided = meshes.sharp(mesh, _in_parts(mesh.mesh, np.where(best.to_divide, numbers.parts, 1)), margins)
+        found = None if divided is None else _judged(task, divided)
         if divided is None or found is None or found.saving > max(best.saving, OPTIMALITY_TOLERANCE):
             break
         mesh, best = divided, found
-    best = best if np.isfinite(best.saving) else _judged(task, mesh) or best
     early = not task.problem.pays_effort and best.saving > OPTIMALITY_TOLERANCE / 5
-    if best.optimum.certificate.ok and early:
-        best = _settled(meshes, mesh, best)
-    return _within_margins(meshes, mesh, best.optimum)
+    if best.optimum.certificate.ok and early and (again := meshes.sharp(mesh, mesh.mesh)) is not None:
+        found = _judged(task, again)  # the solve before ended where it hardly became faster
+        if found is not None and found.optimum.certificate.ok and found.optimum.cost < best.optimum.cost:
+            best = found
+    return best.optimum
 
 
-def _settled(meshes: _Meshes, mesh: Attempt, best: _Judged) -> _Judged:
-    """A certified motion solved again from itself: its solve ended where it hardly became faster."""
-    again = meshes.again(mesh, mesh.mesh, MeshMargins())
-    found = None if again is None else _judged(meshes.task, again)
-    if found is None or not found.optimum.certificate.ok:
-        return best
-    return min(best, found, key=lambda one: one.optimum.cost)
-
-
-def _within_margins(meshes: _Meshes, mesh: Attempt, optimum: Optimum) -> Optimum:
-    """Solve on the same mesh with wider margins of the limits until the motion is usable.
-
-    The given motion is returned if none is, or if a usable one that is as fast is known.
-
-    The torque limits get a margin if the replay misses the goal: an unstable motion can be repeated only under
-    feedback, for which torques on their limits leave no range.
-    """
-    task, margins, last = meshes.task, MeshMargins(), optimum
-    if meshes.work.usable_by(optimum.cost):
-        return optimum
-    for kept in task.policy.motion_mesh.kept:
-        if last.usable:
-            break
-        margins = margins.wider(task, last, margins.torque if last.landed else kept)
-        again = meshes.again(mesh, mesh.mesh, margins)
-        found = None if again is None else _judged(task, again)
-        if again is None or found is None:
-            break
-        mesh, last = again, found.optimum
-    return last if last.usable else optimum
-
-
-def _judged(task: Task, attempt: Attempt, by_limits: bool = False) -> _Judged | None:
-    """Motion of a mesh, corrected to reach the goal, with its certificate; None if it does not reach the goal.
-
-    Args:
-        task: the problem and its settings.
-        attempt: solution on the mesh.
-        by_limits: whether a motion that exceeds a limit is judged by that alone.
-    """
+def _judged(task: Task, attempt: Attempt) -> _Judged | None:
+    """Motion of a mesh, corrected to reach the goal, with its certificate; None if it does not reach the goal."""
     problem, motion = task.problem, landed(task, attempt)
     if motion is None:
         return None
@@ -397,11 +250,7 @@ def _judged(task: Task, attempt: Attempt, by_limits: bool = False) -> _Judged | 
     found = Optimum.of(problem, replay, len(motion.tau))
     if not found.certificate.on_goal:  # unstable beyond rounding: `repeated` checks its segments
         replay, found = shot, Optimum.of(problem, shot, len(motion.tau))
-    to_divide = _beyond_limits(task, motion, replay)
-    if by_limits and np.any(to_divide):
-        return _Judged(found, np.inf, to_divide)
     costates = mesh_costates(problem, motion, replay, task.policy)
-    to_divide = _with_most_saving(task, motion, to_divide, costates)
     certificate, saving = found.certificate, np.inf if costates is None else costates.saving
     if costates is not None and saving > OPTIMALITY_TOLERANCE:
         most, enough = percent(saving), percent(OPTIMALITY_TOLERANCE)
@@ -413,32 +262,22 @@ def _judged(task: Task, attempt: Attempt, by_limits: bool = False) -> _Judged | 
         certificate = replace(certificate, remark="", saving=saving, idle=idle)
     certificate = repeated(problem, found.trajectory, certificate)  # not repeatable: try another optimum
     known = costates if saving <= OPTIMALITY_TOLERANCE else None
+    to_divide = _to_divide(task, motion, replay, costates)
     return _Judged(replace(found, certificate=certificate, costates=known), saving, to_divide)
 
 
-def _beyond_limits(task: Task, motion: Shooting, replay: Trajectory) -> Flags:
-    """Intervals in which a motion is slightly beyond a limit of the state or the torque, shape (K,)."""
+def _to_divide(task: Task, motion: Shooting, replay: Trajectory, costates: MeshCostates | None) -> Flags:
+    """Intervals of a nearly certified motion that are slightly beyond a limit, or have most of its saving."""
     flags, beyond = np.zeros(len(motion.tau), bool), excesses(task.problem.limits, replay)
-    if max(one.share for one in beyond) > 4 * OPTIMALITY_TOLERANCE:
-        return flags
-    for one in beyond:
-        at = one.t[np.any(one.beyond > LIMIT_TOLERANCE * one.size, axis=1)]
-        flags[np.clip(np.searchsorted(motion.t, at, side="right") - 1, 0, flags.size - 1)] = True
-    return _long_enough(task, motion, flags)
-
-
-def _with_most_saving(task: Task, motion: Shooting, flags: Flags, costates: MeshCostates | None) -> Flags:
-    """The flags, and those intervals of a nearly certified motion that have most of the saving; else none."""
     if costates is None or costates.saving > 4 * OPTIMALITY_TOLERANCE:
-        return np.zeros_like(flags)
-    if costates.saving <= OPTIMALITY_TOLERANCE:
         return flags
-    order, more = np.argsort(costates.missed)[::-1], flags.copy()
-    left = costates.saving - np.cumsum(costates.missed[order])
-    more[order[: 1 + np.searchsorted(-left, -OPTIMALITY_TOLERANCE / task.policy.motion_mesh.parts)]] = True
-    return _long_enough(task, motion, more)
-
-
-def _long_enough(task: Task, motion: Shooting, flags: Flags) -> Flags:
-    """Flags of intervals that may be divided."""
-    return np.asarray(flags & (np.diff(motion.t) > task.policy.motion_mesh.least * motion.t[-1]))
+    if max(one.share for one in beyond) <= 4 * OPTIMALITY_TOLERANCE:
+        for one in beyond:
+            at = one.t[np.any(one.beyond > LIMIT_TOLERANCE * one.size, axis=1)]
+            flags[np.clip(np.searchsorted(motion.t, at, side="right") - 1, 0, flags.size - 1)] = True
+    if costates.saving > OPTIMALITY_TOLERANCE:
+        order = np.argsort(costates.missed)[::-1]
+        left = costates.saving - np.cumsum(costates.missed[order])
+        enough = OPTIMALITY_TOLERANCE / task.policy.motion_mesh.parts
+        flags[order[: 1 + np.searchsorted(-left, -enough)]] = True
+    return flags

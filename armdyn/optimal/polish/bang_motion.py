@@ -13,9 +13,8 @@ import numpy as np
 
 from armdyn.arrays import Array, Index
 from armdyn.dynamics.numeric import forward_dynamics, forward_dynamics_derivatives
-from armdyn.locks import cached_property
 from armdyn.optimal.polish.structure import Switches
-from armdyn.optimal.problem.policy import Policy
+from armdyn.optimal.problem.policy.policy import Policy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Stop
 from armdyn.optimal.verify.certificate import OPTIMALITY_TOLERANCE
@@ -54,6 +53,9 @@ class BangMotion:
         x: first states of the segments, shape (S, 2 nv).
         goal: the last state, shape (2 nv,).
         costate: multipliers of the segments' ends, shape (S, 2 nv): costates where they meet.
+        states: of each step, from the segments' starts to their ends, shape (Q, S, 2 nv).
+        flow: their derivatives by the segments' first states, shape (Q, S, 2 nv, 2 nv).
+        rate: rates of the state at the ends, shape (S, 2 nv).
     """
 
     problem: MinimumTimeProblem
@@ -67,6 +69,9 @@ class BangMotion:
     x: Array
     goal: Array
     costate: Array
+    states: Array
+    flow: Array
+    rate: Array
 
     @classmethod
     def of(
@@ -89,34 +94,35 @@ class BangMotion:
         x[0] = np.concatenate([problem.q_start, problem.v_start])
         tau, goal = problem.limits.actuators.extreme(switches.signs)[arc_of], problem.x_goal / size
         own = (tau, arc_of, 1 / counts[arc_of], size, switches.duration, lengths, x / size, goal)
-        return cls(problem, policy, *own, np.zeros_like(x))
+        return cls(problem, policy, *own, *np.zeros((4, *x.shape))).integrated(lengths, x / size)
 
     @property
     def seconds(self) -> Array:
         """Lengths of the segments [s], shape (S,)."""
         return np.asarray(self.lengths[self.arc_of] * self.share * self.unit)
 
-    @cached_property
-    def ends(self) -> tuple[Array, Array, Array]:
-        """States at the segments' ends, their derivatives by the first states, and their rates.
-
-        Shapes (S, 2 nv), (S, 2 nv, 2 nv) and (S, 2 nv).
-        """
-        torques, n = np.stack([self.tau, self.tau], axis=1), self.problem.robot.nv
-        steps, robot = self.policy.polish.steps, self.problem.robot
-        end, by_start, _ = gauss_steps(robot)(self.seconds, self.x * self.size, torques, steps)
-        rate = np.concatenate([end[:, n:], forward_dynamics(robot)(end[:, :n], end[:, n:], self.tau)], axis=1)
-        return end / self.size, by_start * self.size / self.size[:, None], rate * self.unit / self.size
+    def integrated(self, lengths: Array, x: Array) -> Self:
+        """The motion with other lengths and first states, integrated."""
+        count, step, n = self.policy.polish.steps, gauss_steps(self.problem.robot), self.problem.robot.nv
+        own, torques = replace(self, lengths=lengths, x=x), np.stack([self.tau, self.tau], axis=1)
+        states, flows = [x * self.size], [np.tile(np.eye(2 * n), (len(x), 1, 1))]
+        for _ in range(count):
+            end, flow, _ = step(own.seconds / count, states[-1], torques)
+            states.append(end)
+            flows.append((flow * self.size / self.size[:, None]) @ flows[-1])
+        a = forward_dynamics(self.problem.robot)(end[:, :n], end[:, n:], self.tau)
+        rate = np.concatenate([end[:, n:], a], axis=1) * self.unit / self.size
+        return replace(own, states=np.array(states) / self.size, flow=np.array(flows), rate=rate)
 
     @property
     def finite(self) -> bool:
         """Whether all segments were integrated."""
-        return all(np.all(np.isfinite(each)) for each in self.ends)
+        return all(np.all(np.isfinite(each)) for each in (self.states, self.flow, self.rate))
 
     @property
     def gaps(self) -> Array:
         """Distances of the segments' ends from the next first states, shape (S, 2 nv)."""
-        return np.asarray(self.ends[0] - np.vstack([self.x[1:], self.goal]))
+        return np.asarray(self.states[-1] - np.vstack([self.x[1:], self.goal]))
 
     @property
     def errors(self) -> tuple[float, float]:
@@ -125,10 +131,9 @@ class BangMotion:
         Its derivatives by the arcs' lengths are their H, those by inner first states the errors of the adjoint
         equations.
         """
-        _, by_start, rate = self.ends
-        rates = np.sum(rate * self.costate, axis=1) * self.share
+        rates = np.sum(self.rate * self.costate, axis=1) * self.share
         by_lengths = 1 + np.bincount(self.arc_of, rates, self.lengths.size)
-        by_states = np.einsum("sab,sa->sb", by_start[1:], self.costate[1:]) - self.costate[:-1]
+        by_states = np.einsum("sab,sa->sb", self.flow[-1, 1:], self.costate[1:]) - self.costate[:-1]
         stationary = max(np.max(np.abs(by_lengths)), np.max(np.abs(by_states), initial=0.0))
         return float(np.max(np.abs(self.gaps))), float(stationary)
 
@@ -146,11 +151,11 @@ class BangMotion:
     @property
     def jacobian(self) -> Array:
         """Derivatives of the gaps by lengths and inner first states, shape (S 2 nv, K + (S - 1) 2 nv)."""
-        (S, m), K, (_, by_start, rate) = self.x.shape, self.lengths.size, self.ends
+        (S, m), K = self.x.shape, self.lengths.size
         rows = np.zeros((S, m, K + m * (S - 1)))
-        rows[np.arange(S), :, self.arc_of] = rate * self.share[:, None]
+        rows[np.arange(S), :, self.arc_of] = self.rate * self.share[:, None]
         for k in range(1, S):
-            rows[k, :, K + m * (k - 1) : K + m * k] = by_start[k]
+            rows[k, :, K + m * (k - 1) : K + m * k] = self.flow[-1, k]
             rows[k - 1, :, K + m * (k - 1) : K + m * k] = -np.eye(m)
         return rows.reshape(S * m, -1)
 
@@ -174,15 +179,9 @@ class BangMotion:
         By the first states ∫ Φᵀ (∂²H/∂x²) Φ dt, with the costates along the segment and the sensitivities Φ there, by
         Simpson's rule; ∂²H/∂x² by central differences of the Jacobian of the dynamics.
         """
-        count, m, h, (end, by_start, speed) = self.policy.polish.steps, self.size.size, self.seconds, self.ends
-        torques, step = np.stack([self.tau, self.tau], axis=1), gauss_steps(self.problem.robot)
-        states, flows = [self.x * self.size], [np.tile(np.eye(m), (h.size, 1, 1))]
-        for _ in range(count):
-            state, flow, _ = step(h / count, states[-1], torques, 1)
-            states.append(state)
-            flows.append((flow * self.size / self.size[:, None]) @ flows[-1])
-        flow, x, difference = np.array(flows), np.array(states), self.policy.polish.difference
-        along = carried(flow, np.einsum("sab,sa->sb", by_start, self.costate))
+        count, m, h, flow = self.policy.polish.steps, self.size.size, self.seconds, self.flow
+        x, difference = self.states * self.size, self.policy.polish.difference
+        along = carried(flow, np.einsum("sab,sa->sb", flow[-1], self.costate))
         moved = difference * np.diag(self.size)[:, None, None, :]
         both = np.stack([x + moved, x - moved])
         upward, downward = np.einsum("diqsab,qsa->diqsb", self._jacobian(both), along)
@@ -191,9 +190,9 @@ class BangMotion:
         found = np.zeros((h.size, m + 1, m + 1))
         bent = (by_x + by_x.swapaxes(-1, -2)) / 2
         found[:, :m, :m] = np.einsum("q,qsab->sab", weights, flow.swapaxes(2, 3) @ bent @ flow)
-        rate = np.einsum("sab,sa->sb", self._jacobian(end * self.size), self.costate) * self.unit
-        found[:, :m, m] = found[:, m, :m] = np.einsum("sab,sa->sb", by_start, rate)
-        found[:, m, m] = np.sum(rate * speed, axis=1)
+        rate = np.einsum("sab,sa->sb", self._jacobian(x[-1]), self.costate) * self.unit
+        found[:, :m, m] = found[:, m, :m] = np.einsum("sab,sa->sb", flow[-1], rate)
+        found[:, m, m] = np.sum(rate * self.rate, axis=1)
         return found
 
     def _jacobian(self, x: Array) -> Array:
@@ -212,7 +211,7 @@ class BangMotion:
         x[1:] += change[K:].reshape(x[1:].shape)
         if np.min(lengths) <= 0:
             return None
-        found = replace(self, lengths=lengths, x=x, costate=costate)
+        found = replace(self.integrated(lengths, x), costate=costate)
         return found if found.finite else None
 
     def with_costates(self) -> "BangMotion | None":

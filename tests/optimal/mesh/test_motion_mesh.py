@@ -9,13 +9,11 @@ import armdyn as ad
 from armdyn.optimal.mesh import motion_mesh
 from armdyn.optimal.mesh.candidates import find
 from armdyn.optimal.mesh.direct import Attempt
-from armdyn.optimal.mesh.motion_mesh import MeshWork, _Meshes, finer_knots, mesh_optimum
+from armdyn.optimal.mesh.motion_mesh import _Meshes, finer_knots, mesh_optimum
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import repeated
 from armdyn.optimal.verify.optimum import MeshMargins
-from armdyn.optimal.verify.rollout import under_feedback
-from armdyn.optimal.verify.within_limits import paced
 from armdyn.trajectory import Trajectory
 from problems import cart, paper_arm
 
@@ -31,30 +29,19 @@ def task_of(**numbers):
     return replace(task, policy=task.policy.changed("motion_mesh", **numbers))
 
 
-def optimum_of(task, work=None):
+def optimum_of(task):
     """Optimum that the meshes of the first guess's optimum are resolved to."""
-    work = work or MeshWork(task.policy.motion_mesh)
-    return mesh_optimum(task, find(task).attempts[0], work, lambda mesh: None)
+    return mesh_optimum(task, find(task).attempts[0], lambda mesh: None)
 
 
 @pytest.mark.slow
 def test_a_motion_that_exceeds_a_limit_a_little_is_certified_on_a_divided_mesh():
-    once = {"rounds": 2, "further_meshes": 0, "kept": ()}
+    once = {"rounds": 2, "further_meshes": 0}
     coarse, divided, fine = (optimum_of(task_of(**one)) for one in (once, {"rounds": 2}, {}))
     assert 1e-6 < coarse.certificate.limit_violation < 1e-4 and not coarse.certificate.ok
     assert divided.certificate.ok
     assert divided.intervals > coarse.intervals
     assert fine.trajectory.duration < divided.trajectory.duration < (1 + 5e-5) * fine.trajectory.duration
-
-
-@pytest.mark.slow
-def test_a_motion_that_exceeds_a_limit_on_a_mesh_that_is_not_divided_keeps_further_within():
-    once = {"rounds": 2, "further_meshes": 0}
-    coarse, within = (optimum_of(task_of(**once, **more)) for more in ({"kept": ()}, {}))
-    assert coarse.certificate.on_goal and not coarse.within_limits
-    assert within.certificate.usable and within.intervals == coarse.intervals
-    # It is slower by about the excess, and by 1.5 times the torque that is kept.
-    assert 1 < within.trajectory.duration / coarse.trajectory.duration < 1 + 3e-4
 
 
 @pytest.mark.slow
@@ -66,42 +53,9 @@ def test_a_reserve_of_velocity_is_a_lower_velocity_limit():
     assert reserved.trajectory.duration == pytest.approx(lower.trajectory.duration, rel=1e-8)  # of the interior point
 
 
-@pytest.mark.slow
-def test_a_motion_is_resolved_once():
-    task = task_of()
-    work = MeshWork(task.policy.motion_mesh)
-    first, after = optimum_of(task, work), work.left
-    assert optimum_of(task, work) is first
-    assert task.policy.motion_mesh.work - after > 10 * (after - work.left) > 0
-
-
-@pytest.mark.slow
-def test_a_motion_is_recognised_on_its_second_mesh():
-    task = task_of(rounds=2)
-    work, same = MeshWork(task.policy.motion_mesh), task.policy.same
-    first, second = _Meshes(task, work).finer(find(task).attempts[0])
-    slower = replace(first, trajectory=paced(first.trajectory, 1.01))
-    work.add((first, second), None)
-    assert work.like((first,), same) == (None,)
-    assert work.like((slower,), same) is None
-    assert work.like((slower, second), same) == (None,)
-    assert work.like((slower, slower), same) is None
-
-
 def test_without_work_left_one_mesh_is_solved():
     task = task_of(work=0)
-    work = MeshWork(task.policy.motion_mesh)
-    assert optimum_of(task, work).intervals == 4 * task.policy.search.fine_mesh
-    assert -work.left <= 4 * task.policy.search.fine_mesh * task.policy.motion_mesh.fewest
-
-
-def test_a_mesh_that_a_certified_motion_beats_by_far_is_given_up():
-    task = task_of()
-    work = MeshWork(task.policy.motion_mesh)
-    work.best = 0.9 * optimum_of(task_of(work=0)).trajectory.duration
-    assert optimum_of(task, work) is None
-    first, second = 160, 3 * 160 + 160  # intervals; the second mesh was the last one
-    assert task.policy.motion_mesh.work - work.left < 100 * (first + second)
+    assert optimum_of(task).intervals == 4 * task.policy.search.fine_mesh
 
 
 @pytest.mark.slow
@@ -123,32 +77,13 @@ def test_a_motion_that_no_integrator_repeats_is_not_certified(monkeypatch):
     assert "replay under feedback leaves the motion" in certificate.remark
 
 
-@pytest.mark.slow
-def test_a_motion_that_leaves_feedback_no_torque_is_planned_with_less(monkeypatch):
-    def with_room(robot, limits, motion, segments):
-        return under_feedback(robot, limits, motion, segments) if least_room(limits, motion) > 1e-5 else None
-
-    def least_room(limits, motion):
-        return np.min(-limits.actuators.excess(motion.tau, motion.q, motion.v) / limits.actuators.scale)
-
-    optimum = optimum_of(task_of())
-    monkeypatch.setattr(
-        "armdyn.optimal.verify.certificate.OPEN_LOOP_GROWTH", 0.0
-    )  # every motion is judged under feedback,
-    monkeypatch.setattr("armdyn.optimal.verify.certificate.under_feedback", with_room)  # which needs some torque
-    kept = optimum_of(task_of())
-    assert least_room(FAST.limits, optimum.trajectory) < 1e-7 < 2.9e-5 < least_room(FAST.limits, kept.trajectory)
-    assert kept.certificate.ok and kept.certificate.replay == "segments"
-    assert 1 < kept.trajectory.duration / optimum.trajectory.duration < 1 + 4.5e-5
-
-
 def test_a_divided_mesh_stays_within_position_limits_by_the_excess():
     folded = FAST.variant(velocity_limit=30.0, position_limit=([-2.6, -1.6], [2.1, 1.1]))
     task = Task.of(folded, ad.MinimumTimeOptions(starts=4, workers=1))
-    within = _Meshes(task, MeshWork(task.policy.motion_mesh))._within(MeshMargins(position=1e-3)).problem.limits
+    within = _Meshes(task)._within(MeshMargins(position=1e-3)).problem.limits
     assert within.position_lower == pytest.approx([-2.6 + 4.7e-3, -1.6 + 2.7e-3])
     assert within.position_upper == pytest.approx([2.1 - 4.7e-3, 1.1 - 2.7e-3])
-    wide = _Meshes(task, MeshWork(task.policy.motion_mesh))._within(MeshMargins(position=0.1)).problem.limits
+    wide = _Meshes(task)._within(MeshMargins(position=0.1)).problem.limits
     assert np.all(wide.position_lower <= folded.q_start) and np.all(wide.position_upper >= folded.q_goal)
 
 
@@ -172,31 +107,30 @@ def test_margins_leave_ends_in_flight_their_positions():
 def test_a_mesh_without_position_limits_stays_without(margin):
     endless = FAST.variant(position_limit=(-np.inf, [np.inf, 2.0]))
     task = Task.of(endless, ad.MinimumTimeOptions(starts=4, workers=1))
-    within = _Meshes(task, MeshWork(task.policy.motion_mesh))._within(MeshMargins(position=margin)).problem.limits
+    within = _Meshes(task)._within(MeshMargins(position=margin)).problem.limits
     assert within.position_lower.tolist() == [-np.inf, -np.inf]
     assert within.position_upper.tolist() == [np.inf, 2.0 - margin]
 
 
 def test_intervals_are_divided_on_both_sides_of_a_switch():
     task = task_of(rounds=1, gap=1.0, velocity_excess=1.0)  # of switches alone
-    first, *_ = _Meshes(task, MeshWork(task.policy.motion_mesh)).finer(find(task).attempts[0])
+    first, *_ = _Meshes(task).finer(find(task).attempts[0])
     middles = (first.mesh[:-1] + first.mesh[1:]) / 2
     torques = first.trajectory(first.trajectory.duration * middles).tau / FAST.limits.actuators.scale
     switches = np.flatnonzero(np.any(np.abs(np.diff(torques, axis=0)) > 0.5, axis=1))
-    counts = np.histogram(finer_knots(task, first, task.policy.motion_mesh), first.mesh)[0]
+    counts = np.histogram(finer_knots(task, first), first.mesh)[0]
     assert switches.size > 2 and np.all(counts[switches] > 1) and np.all(counts[switches + 1] > 1)
 
 
 def test_the_last_mesh_is_solved_sharply():
     task = task_of(rounds=2)
-    meshes = _Meshes(task, MeshWork(task.policy.motion_mesh))
+    meshes = _Meshes(task)
     *_, rough = meshes.finer(find(task).attempts[0])
-    sharp = meshes.sharp(rough)
+    sharp = meshes.sharp(rough, rough.mesh)
     assert np.array_equal(sharp.mesh, rough.mesh)
     # The rough one's barrier keeps every torque off its limits, which costs 1e-8 for each of 2,000 bounds at least.
     assert 1e-6 < rough.trajectory.duration / sharp.trajectory.duration - 1 < 1e-4
-    spent = _Meshes(task, MeshWork(replace(task.policy.motion_mesh, work=0)))
-    assert spent.sharp(rough) is rough
+    assert _Meshes(task_of(work=0)).sharp(rough, rough.mesh) is None
 
 
 def test_linear_torques_are_divided_where_they_bend_or_jump():
@@ -206,7 +140,7 @@ def test_linear_torques_are_divided_where_they_bend_or_jump():
     tau = np.where(t < 0.5, 0.5, -0.5) + 0.1 * np.maximum(t - 0.75, 0)  # a jump in interval 19, a corner at knot 30
     motion = Trajectory(t, t[:, None], np.ones((41, 1)), tau[:, None], ("slide",), "torques")
     attempt = Attempt(Status.SOLVED, "", motion, 40, 0, None)
-    knots = finer_knots(cart_task, attempt, cart_task.policy.motion_mesh)
+    knots = finer_knots(cart_task, attempt)
     counts = np.histogram(knots[:-1] + 1e-9, t)[0]
     most = cart_task.policy.motion_mesh.parts
     assert list(np.flatnonzero(counts == most)) == [18, 19, 20] and list(np.flatnonzero(counts == 3)) == [29, 30]

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.optimal.polish.bang_motion import BangMotion
 from armdyn.optimal.polish.structure import Switches
-from armdyn.optimal.problem.policy import Policy
+from armdyn.optimal.problem.policy.policy import Policy
 from problems import paper_problem
 
 
@@ -21,7 +21,7 @@ def segments():
     rest = np.array([0.0, 1.0]), np.zeros((2, 4))
     motion = BangMotion.of(problem, Policy.of(problem), switches, rest, np.array([1.7, 0.9, 14.0, 9.0]))
     x = random.uniform(-1, 1, (motion.arc_of.size, 4))
-    return replace(motion, x=x, costate=random.uniform(-1, 1, x.shape))
+    return replace(motion.integrated(motion.lengths, x), costate=random.uniform(-1, 1, x.shape))
 
 
 def test_ends_agree_with_another_integrator(segments):
@@ -33,33 +33,34 @@ def test_ends_agree_with_another_integrator(segments):
 
         found = solve_ivp(rate, (0, h[k]), segments.x[k] * segments.size, method="DOP853", rtol=1e-12, atol=1e-12)
         # Steps of order six of 1.5 ms at up to 14 rad/s.
-        np.testing.assert_allclose(segments.ends[0][k] * segments.size, found.y[:, -1], atol=1e-8)
+        np.testing.assert_allclose(segments.states[-1, k] * segments.size, found.y[:, -1], atol=1e-8)
 
 
 def difference(segments, value, step, i=None):
     """Central difference of a value by a state, or by the lengths of all segments."""
     if i is None:
-        there, back = (value(replace(segments, lengths=segments.lengths * (1 + sign * step))) for sign in (1, -1))
+        there, back = (value(segments.integrated(segments.lengths * (1 + sign * step), segments.x)) for sign in (1, -1))
         return (there - back) / (2 * step * (segments.lengths[segments.arc_of] * segments.share)[:, None])
-    there, back = (value(replace(segments, x=segments.x + sign * step * np.eye(4)[i])) for sign in (1, -1))
+    there, back = (
+        value(segments.integrated(segments.lengths, segments.x + sign * step * np.eye(4)[i])) for sign in (1, -1)
+    )
     return (there - back) / (2 * step)
 
 
 def test_first_derivatives_agree_with_differences(segments):
-    _, by_start, rate = segments.ends
+    by_start, rate = segments.flow[-1], segments.rate
     for i in range(4):
         # Differences err by the square of the step, and by rounding over it.
-        found = difference(segments, lambda one: one.ends[0], 1e-5, i)
+        found = difference(segments, lambda one: one.states[-1], 1e-5, i)
         np.testing.assert_allclose(by_start[:, :, i], found, rtol=1e-5, atol=1e-6)
-    found = difference(segments, lambda one: one.ends[0], 1e-5)
+    found = difference(segments, lambda one: one.states[-1], 1e-5)
     np.testing.assert_allclose(rate, found, rtol=1e-5, atol=1e-5)
 
 
 def test_second_derivatives_agree_with_differences(segments):
     def gradient(motion):
-        _, by_start, rate = motion.ends
-        by_x = np.einsum("sab,sa->sb", by_start, motion.costate)
-        return np.column_stack([by_x, np.sum(rate * motion.costate, axis=1)])
+        by_x = np.einsum("sab,sa->sb", motion.flow[-1], motion.costate)
+        return np.column_stack([by_x, np.sum(motion.rate * motion.costate, axis=1)])
 
     for i in range(4):
         # Simpson's rule over eighths of a segment; the numbers are of the order of 1.

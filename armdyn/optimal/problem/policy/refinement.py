@@ -52,11 +52,6 @@ class MotionMeshPolicy:
     velocity_excess: float = tuned(2e-5, "of a velocity limit", "excess within an interval of constant torque")
     gap: float = tuned(1e-9, "of a joint's way or speed", "error of collocation in an interval: its gradient's is 1e-5")
     least: float = tuned(4e-6, "of the duration", "a shorter interval is not divided")
-    kept: tuple[float, ...] = tuned(
-        (3e-5, 3e-4, 3e-3),
-        "of a torque limit",
-        "reserves for feedback, in turn, if no replay reproduces the motion: each costs 0.3 to 1.5 times as much of T",
-    )
     slower: float = tuned(
         1e-2,
         "of the duration",
@@ -64,20 +59,17 @@ class MotionMeshPolicy:
         "RRR, 500 g; random arms (RRR)",
     )
     ties: tuple[float, ...] = tuned(
-        (3e-6, 1e-4, 3e-4),
+        (3e-6, 1e-4),
         "of 1 for time",
-        "weight of full torques, which determines joints idle in time-optimal motion; the next one where none "
-        "converges. Meshes after the first begin with the second: a quarter of the iterations for 5e-7 of T",
+        "weight of full torques, which determines joints idle in time-optimal motion; of meshes after the first the "
+        "second: a quarter of the iterations for 5e-7 of T",
     )
     work: int = tuned(
         700_000,
         "intervals",
-        "times iterations of all meshes of a problem: 5 CPU s with three joints; a quarter is left for divided meshes",
+        "times iterations of the meshes of one optimum, after which no mesh is begun: 5 CPU s with three joints",
     )
-    abandoned: float = tuned(5e-4, "of the best duration", "excess that ends a mesh: the second is accurate to 2e-4")
-    fewest: int = tuned(60, "iterations", "that must be left, or a mesh is not begun")
     further_meshes: int = tuned(4, "meshes", "divided where the motion is not yet certified, at most")
-    shrink: float = tuned(0.1, "of an interval", "distance of the knots around a switch")
 
 
 @dataclass(frozen=True, kw_only=True)
