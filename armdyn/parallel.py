@@ -26,6 +26,8 @@ Context = TypeVar("Context")
 _GRACE = 0.75
 """Grace period [s]: workers still running after it are interrupted again, and after a second one killed, so that
 Ctrl-C takes two seconds at most."""
+LISTEN = 0.25
+"""Polling period of Ctrl-C [s] while workers work."""
 _PR_SET_PDEATHSIG = 1
 
 _own_ends: set[Connection] = set()

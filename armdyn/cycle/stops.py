@@ -13,17 +13,15 @@ from armdyn.models.scene.reaching import GoalPose, free_directions, poses_reachi
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.curves.goals import slid_chain
 from armdyn.optimal.problem.checks import holding_deficits
-from armdyn.optimal.problem.planning_limits import Reserve, limits_under, resolved_limits
+from armdyn.optimal.problem.planning_limits import Reserve, resolved_limits
 from armdyn.optimal.problem.policy.search import CyclePolicy, GoalPolicy
 
 
 def limits_of(cycle: Cycle) -> JointLimits:
     """Limits of the cycle's moves, before reserves."""
     given, robot = cycle.conditions, cycle.robot
-    names = ("effort_limit", "velocity_limit", "position_limit")
-    limits = resolved_limits(robot, *(given.get(name) for name in names))
-    preset = given.get("preset")
-    return limits if preset is None else limits_under(limits, preset)
+    names = ("effort_limit", "velocity_limit", "position_limit", "preset")
+    return resolved_limits(robot, *(given.get(name) for name in names))
 
 
 def candidates(cycle: Cycle) -> tuple[tuple[Array, ...], ...]:

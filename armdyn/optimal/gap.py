@@ -264,12 +264,7 @@ def time_optimality(
 
 
 def trajectory_from_path(
-    robot: Robot,
-    t: ArrayLike,
-    q: ArrayLike,
-    v: ArrayLike | None = None,
-    a: ArrayLike | None = None,
-    name: str = "",
+    robot: Robot, t: ArrayLike, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None, name: str = ""
 ) -> Trajectory:
     """A trajectory from a planner's samples, with torques by inverse dynamics (`rnea` and the joints' friction).
 

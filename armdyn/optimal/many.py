@@ -14,10 +14,7 @@ from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.options import MinimumTimeOptions
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status, Stop, stopping
-from armdyn.parallel import ForkPool, job_pool
-
-_LISTEN = 0.25
-"""Interval [s] at which Ctrl-C is polled while workers solve."""
+from armdyn.parallel import LISTEN, ForkPool, job_pool
 
 
 def solve_many(
@@ -82,7 +79,7 @@ class _Batch:
         while len(self._known) < len(self.problems) and not stop:
             while pool.idle and waiting:
                 pool.submit(waiting[0], waiting.popleft())
-            for k, _, result in pool.finished(_LISTEN):
+            for k, _, result in pool.finished(LISTEN):
                 if result is not None and result[0].status is not Status.INTERRUPTED:
                     own, solved = self.problems[k], result[0].problem  # for a goal pose, its chosen branch
                     self._add(k, replace(result[0], problem=own if len(own.goals) == 1 else solved))

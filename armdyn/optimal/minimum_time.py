@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from armdyn.arguments import expect, listener
+from armdyn.arguments import expect
 from armdyn.codegen.deadline import NoTimeError
 from armdyn.optimal.answer.assembly import assembled, ended_by_time, failed, fastest_goal
 from armdyn.optimal.answer.solution import Solution, kinematic, without_motion
@@ -66,7 +66,7 @@ def solve_minimum_time(
     expect_problem(problem)
     options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
     started, posed = time.perf_counter(), problem.without_torques() if problem.kinematic else problem
-    task = Task.of(posed, options, progress=listener(progress))
+    task = Task.of(posed, options, progress=progress)
     task.warn_of_options()
     solution = solve_task(task, options.time_limit - (time.perf_counter() - started))
     task.warn_of_options(solution.calm if solution.moves else None)

@@ -15,6 +15,7 @@ import numpy as np
 from armdyn.arguments import expect, flag, function, listener, one_of, path_of
 from armdyn.errors import ResultError
 from armdyn.optimal.problem.status import Stop, stopping
+from armdyn.parallel import LISTEN
 from armdyn.studies.executor import HERE, Ended, Executor, ExecutorOf, StudyCase, local_executor
 from armdyn.studies.rows import SYNCS, RowStore, StudyRow, Sync, row_store
 from armdyn.studies.study import Cases, Study
@@ -62,8 +63,6 @@ ATTEMPTS = 3
 DIED = "worker_died"
 """Status of a case whose workers died."""
 
-_LISTEN = 0.25
-"""Polling period of Ctrl-C [s]."""
 _TOLD = 0.1
 """Least interval [s] between two reports of progress."""
 
@@ -202,7 +201,7 @@ class CaseRun:
         self._give({})
         while left and not self.stop:
             rows, motions = list[StudyRow](), dict[int, bytes]()
-            for one in self.executor.ended(_LISTEN):
+            for one in self.executor.ended(LISTEN):
                 result = self._accepted(one)
                 if result is None:
                     if self.stop and one.result:  # its rows so far in this process
@@ -235,7 +234,7 @@ class CaseRun:
                 continue
             settings, motion = self.cases.parameters(k), self.rows.motion(later)
             self.executor.give([StudyCase(k=k, settings=settings, guess=motion, begun_from=later, revisit=True)])
-            while not (reports := self.executor.ended(_LISTEN)) and not self.stop:
+            while not (reports := self.executor.ended(LISTEN)) and not self.stop:
                 pass
             result = None if self.stop or not reports else self._accepted(reports[0])
             if result is None:

@@ -16,7 +16,7 @@ from armdyn.optimal.curves.goals import GoalResult, screened
 from armdyn.optimal.mesh.candidates import SearchResult
 from armdyn.optimal.mesh.multistart import grouped, within
 from armdyn.optimal.problem.policy.search import GoalPolicy
-from armdyn.optimal.problem.status import Status, Stop, Violation, stopping
+from armdyn.optimal.problem.status import Status, Stop, stopping
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, Certificate
 from armdyn.optimal.verify.optimum import Optimum, as_replayed, with_adjoint_check
@@ -65,7 +65,8 @@ def assembled(
         intervals=best.intervals,
         iterations=found.iterations + sum(optimum.iterations for optimum in optima),
         solve_time=elapsed,
-        worst_violation=_worst(best),
+        worst_violation=best.worst_violation
+        or (best.reports.worst if best.within_limits else best.certificate.exceeded),
         clearance=best.reports.clearance,
         constraint_reports=best.reports.each,
         via_times=best.via_times,
@@ -167,15 +168,6 @@ def _status(task: Task, optimum: Optimum, found: SearchResult) -> Status:
 def ended_by_time(limit: float) -> str:
     """Message for a search that its time limit [s] ended."""
     return f"the time limit of {limit:g} s ended the search"
-
-
-def _worst(optimum: Optimum) -> Violation | None:
-    """Worst violation: of a mesh that did not converge, else of the limits, else of the path constraints."""
-    if optimum.worst_violation is not None:
-        return optimum.worst_violation
-    if not optimum.within_limits:
-        return optimum.certificate.exceeded
-    return optimum.reports.worst
 
 
 def _others(task: Task, best: float, known: Iterable[float], listed: Iterable[float]) -> tuple[float, ...]:

@@ -144,7 +144,10 @@ def paragraph(solution: Solution) -> str:
         words = replay_words(solution.certificate)
         said.append(f"{words[0].upper()}{words[1:]}.")
     decided = decided_words(solution)
-    said += [f"Its time is decided by {decided}." if decided else "", _calmed(solution)]
+    said.append(f"Its time is decided by {decided}." if decided else "")
+    if (calm := solution.calm) and solution.usable:
+        part = percent(calm / (solution.duration - calm))
+        said.append(f"{short_time(calm, 2)} of it ({part}) are given for calm joints: calm = 0 is the fastest.")
     if solution.lower_bound is not None and solution.moves:
         said.append(f"No motion is faster than {solution.lower_bound:.6f} s.")
     if solution.search_remark:
@@ -184,14 +187,6 @@ def replay_words(certificate: Certificate) -> str:
         f"corrections of at most {certificate.correction:.1e} {joint_unit(slides, 'N m', 'N')} "
         f"({certificate.correction_share:.1e} of half the torque range)"
     )
-
-
-def _calmed(solution: Solution) -> str:
-    """Time spent on calm joints; empty without any."""
-    if not (solution.calm and solution.usable):
-        return ""
-    part = percent(solution.calm / (solution.duration - solution.calm))
-    return f"{short_time(solution.calm, 2)} of it ({part}) are given for calm joints: calm = 0 is the fastest."
 
 
 def decided_words(solution: Solution, names: Mapping[str, str] = MappingProxyType({})) -> str:

@@ -19,7 +19,7 @@ from armdyn.errors import ProblemError
 from armdyn.models.scene.collision import Clearance, CollisionModel
 from armdyn.optimal.constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.planning_limits import PathConstraintSpec
-from armdyn.optimal.problem.policy.landing import PathConstraintPolicy
+from armdyn.optimal.problem.policy.refinement import PathConstraintPolicy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.trajectory import Trajectory

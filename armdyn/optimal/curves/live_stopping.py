@@ -9,7 +9,7 @@ from armdyn.optimal.curves.curve import CurveLeg
 from armdyn.optimal.curves.live import LiveProblem, acceleration_excess, acceleration_limits
 from armdyn.optimal.curves.nlp_data import TorqueMargin
 from armdyn.optimal.problem.checks import held
-from armdyn.optimal.problem.policy.live import LivePolicy
+from armdyn.optimal.problem.policy.curves import LivePolicy
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.verify.certificate import LIMIT_TOLERANCE
 from armdyn.optimal.verify.within_limits import limit_violation

@@ -216,8 +216,6 @@ def _options(settings: SolverSettings) -> dict[str, float | str]:
         "print_level": 0,
         "sb": "yes",
     }
-    if settings.exact:  # IPOPT's default acceptable level allows defects of 1e-2
-        options |= {"bound_relax_factor": 0.0, "acceptable_iter": 0}
     if (accepted := settings.acceptable) is not None:
         options |= {"acceptable_tol": accepted.tolerance, "acceptable_constr_viol_tol": accepted.equations}
         options |= {"acceptable_iter": accepted.after}

@@ -28,8 +28,8 @@ from armdyn.dynamics.numeric import forward_dynamics, joint_inertia
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.bound.linear_program import marginals_in_boxes
 from armdyn.optimal.mesh.shooting import Shooting
-from armdyn.optimal.problem.policy.landing import ShootingPolicy
 from armdyn.optimal.problem.policy.policy import Policy
+from armdyn.optimal.problem.policy.refinement import ShootingPolicy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.verify.costates import Costates
 from armdyn.optimal.verify.rollout import gauss_steps

@@ -88,7 +88,6 @@ class SolverSettings:
         max_iterations: iteration limit.
         barrier: first barrier parameter of an interior-point method, by default IPOPT's; others ignore it.
         acceptable: error at which it may stop early; None: the solver's default.
-        exact: whether bounds are not relaxed and only the tolerance is accepted.
         push: largest distance by which the start is moved off its bounds, whose multipliers the stagewise method then
             initialises from the barrier; None: the solver's default.
         warm: whether to start from the multipliers of a similar program, too.
@@ -100,7 +99,6 @@ class SolverSettings:
     max_iterations: int = 500
     barrier: float = 0.1
     acceptable: Acceptable | None = None
-    exact: bool = False
     push: float | None = None
     warm: bool = False
     convex: float = 0.0

@@ -81,8 +81,12 @@ def resolved_limits(
     effort_limit: ArrayLike | tuple[ArrayLike, ArrayLike] | None,
     velocity_limit: ArrayLike | None,
     position_limit: tuple[ArrayLike, ArrayLike] | None,
+    preset: ControllerPreset | None,
 ) -> JointLimits:
-    """The robot's limits, replaced by the given ones; see `MinimumTimeProblem`.
+    """The robot's limits, replaced by the given ones, or a controller's where these are tighter.
+
+    Where a controller's velocity limit falls to zero with the position, the position is limited to where the arm can be
+    at rest. For the arguments see `MinimumTimeProblem`.
 
     Raises:
         ProblemError: a limit is neither one number nor one per joint.
@@ -110,16 +114,9 @@ def resolved_limits(
         if len(pair) != 2:
             raise ProblemError("position_limit must be a pair (lower, upper) [rad or m]")
         lower, upper = map(read, pair, ("position_limit",) * 2, (lower, upper))
-    return replace(limits, position_lower=lower, position_upper=upper, velocity=velocity)
-
-
-def limits_under(limits: JointLimits, preset: ControllerPreset) -> JointLimits:
-    """The tighter of given limits and a controller's.
-
-    Where a velocity limit falls to zero with the position, the position is limited to where the arm can be at rest.
-    """
-    lower, upper = limits.position_lower, limits.position_upper
-    velocity, torque = preset.limit("velocity"), preset.limit("torque")
+    if preset is None:
+        return replace(limits, position_lower=lower, position_upper=upper, velocity=velocity)
+    fastest, torque = preset.limit("velocity"), preset.limit("torque")
     least, most = preset.limit("position_lower"), preset.limit("position_upper")
     if least is not None and most is not None:
         lower, upper = np.maximum(lower, least), np.minimum(upper, most)
@@ -129,7 +126,7 @@ def limits_under(limits: JointLimits, preset: ControllerPreset) -> JointLimits:
     strongest = np.inf if torque is None else torque
     return replace(
         limits, position_lower=lower, position_upper=upper,
-        velocity=limits.velocity if velocity is None else np.minimum(limits.velocity, velocity),
+        velocity=velocity if fastest is None else np.minimum(velocity, fastest),
         effort_lower=np.maximum(limits.effort_lower, -strongest),
         effort_upper=np.minimum(limits.effort_upper, strongest),
     )  # fmt: skip

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 from armdyn.arguments import expect, flag, number, path_of, several
 from armdyn.arrays import Array
 from armdyn.errors import ArmdynWarning, ProblemError
-from armdyn.locks import cached_property
 from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
@@ -40,13 +39,7 @@ from armdyn.optimal.problem.checks import (
     holding_deficits,
     warn_if_not_held,
 )
-from armdyn.optimal.problem.planning_limits import (
-    PathConstraintSpec,
-    Reserve,
-    limits_under,
-    rate_limit,
-    resolved_limits,
-)
+from armdyn.optimal.problem.planning_limits import PathConstraintSpec, Reserve, rate_limit, resolved_limits
 from armdyn.optimal.problem.poses import Via, check_via_regions, endless, goals_with_turns, via_positions
 from armdyn.optimal.problem.tables import problem_table, robot_table
 from armdyn.parsing.toml import MAX_BYTES, to_toml
@@ -378,10 +371,6 @@ class MinimumTimeProblem:
 
     def duration_bound(self) -> float:
         """Lower bound on the duration by the velocity limits [s]; 0 without such limits."""
-        return self._duration_bound
-
-    @cached_property
-    def _duration_bound(self) -> float:
         return float(np.sum(np.max(np.abs(np.diff(self.fixed_poses, axis=0)) / self.limits.velocity, axis=1)))
 
     def leg_bounds(self) -> Array:
@@ -455,8 +444,7 @@ class MinimumTimeProblem:
     def _resolve_limits(self) -> JointLimits:
         robot, kept = self.robot, Reserve.of(self.reserve, self.velocity_reserve, self.robot.joint_names)
         self._set(reserve=kept.effort, velocity_reserve=kept.velocity)
-        limits = resolved_limits(robot, self.effort_limit, self.velocity_limit, self.position_limit)
-        limits = limits if self.preset is None else limits_under(limits, self.preset)
+        limits = resolved_limits(robot, self.effort_limit, self.velocity_limit, self.position_limit, self.preset)
         self._set(passive=several(self.passive, "passive"))
         if self.kinematic:
             none = np.full(robot.nv, np.inf)

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any, Self, TypeVar
 
+from armdyn.arguments import listener
 from armdyn.codegen.deadline import NoTimeError, until
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ArmdynWarning, ProblemError
@@ -17,14 +18,6 @@ from armdyn.parallel import shared_pool
 from armdyn.reprs import joints_of
 
 Result = TypeVar("Result")
-
-
-def _ignore(text: str) -> None:
-    """Ignore a progress message."""
-
-
-def _no_bound() -> None:
-    """Lower bound of a task without one: None."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +44,8 @@ class Task:
     policy: Policy
     intervals: int
     stop: Stop = field(default_factory=Stop)
-    progress: Callable[[str], None] = _ignore
-    lower_bound: Callable[[], float | None] = _no_bound
+    progress: Callable[[str], None] = lambda text: None
+    lower_bound: Callable[[], float | None] = lambda: None
     pool: Callable[[Sequence[Callable[[Any], Any]]], Iterator[Any]] | None = None
 
     @classmethod
@@ -85,7 +78,7 @@ class Task:
         policy = policy or policy_for(problem, options.method)
         stop = Stop() if stop is None else stop  # a stop is false until it stops
         dynamics, mesh = Dynamics(problem.robot, free_last_body=True), policy.search.fine_mesh
-        return cls(problem, dynamics, policy.scheme(options), options, policy, mesh, stop, progress or _ignore)
+        return cls(problem, dynamics, policy.scheme(options), options, policy, mesh, stop, listener(progress))
 
     def for_problem(self, problem: MinimumTimeProblem) -> Self:
         """The task for another problem, with the same overrides of the policy."""

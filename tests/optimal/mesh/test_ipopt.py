@@ -86,8 +86,8 @@ def test_built_once_for_the_same_arguments_and_settings():
 
 
 def test_settings_are_ipopts_options():
-    near = SolverSettings(1e-10, 60, barrier=1e-9, exact=True, push=1e-9)
-    known = {"tol": 1e-10, "max_iter": 60, "mu_init": 1e-9, "bound_relax_factor": 0.0, "acceptable_iter": 0}
+    near = SolverSettings(1e-10, 60, barrier=1e-9, push=1e-9)
+    known = {"tol": 1e-10, "max_iter": 60, "mu_init": 1e-9}
     assert known.items() | {("bound_push", 1e-9), ("bound_frac", 1e-9)} <= _options(near).items()
     warm = _options(SolverSettings(1e-7, 60, acceptable=Acceptable(1e-5, 1e-6, 1e-7, 8), push=1e-9, warm=True))
     assert (warm["acceptable_tol"], warm["acceptable_constr_viol_tol"], warm["acceptable_obj_change_tol"]) == (

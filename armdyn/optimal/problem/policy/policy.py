@@ -11,10 +11,14 @@ from armdyn.errors import ProblemError
 from armdyn.optimal.problem.choices import MethodName
 from armdyn.optimal.problem.options import MinimumTimeOptions, Scheme
 from armdyn.optimal.problem.policy.bound import BoundPolicy
-from armdyn.optimal.problem.policy.curves import TRAINED, CurvePolicy, SequentialPolicy
-from armdyn.optimal.problem.policy.landing import PathConstraintPolicy, ShootingPolicy
-from armdyn.optimal.problem.policy.live import LivePolicy
-from armdyn.optimal.problem.policy.refinement import ArcsPolicy, MotionMeshPolicy, PolishPolicy
+from armdyn.optimal.problem.policy.curves import TRAINED, CurvePolicy, LivePolicy, SequentialPolicy
+from armdyn.optimal.problem.policy.refinement import (
+    ArcsPolicy,
+    MotionMeshPolicy,
+    PathConstraintPolicy,
+    PolishPolicy,
+    ShootingPolicy,
+)
 from armdyn.optimal.problem.policy.search import GoalPolicy, ProgramPolicy, SamePolicy, SearchPolicy
 from armdyn.optimal.problem.policy.tuned import by_kind, rows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
