@@ -24,7 +24,7 @@ def with_saving(solution: Solution, options: MinimumTimeOptions) -> Solution:
     To first order a limit raised by `MORE` saves at most `MORE` times its share of the duration, and nothing where
     another limit ties with it: where both decide the same time, raising one alone does not help. So the problem is
     solved again from the solution's motion; if that hardly saves time, the limit with the largest share then is raised,
-    too, until it does, or as many are raised as decide. Joints of these limits are not idle.
+    too, until it does, or as many are raised as there are joints. Joints of these limits are not idle.
 
     Args:
         solution: solution of a minimum-time problem.
@@ -39,7 +39,7 @@ def with_saving(solution: Solution, options: MinimumTimeOptions) -> Solution:
     first, *others = solution.decides
     raised, saved, until = [first], list[float](), time.perf_counter() + options.time_limit
     most = MORE * first.part * solution.duration
-    while len(raised) <= len(solution.decides) and (left := until - time.perf_counter()) > 0:
+    while len(raised) <= solution.problem.robot.nv and (left := until - time.perf_counter()) > 0:
         found = _solved_with(solution, raised, replace(options, time_limit=left))
         if found is None:
             break

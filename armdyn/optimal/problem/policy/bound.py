@@ -27,10 +27,7 @@ class BoundPolicy:
     )
     region_horizon: float = tuned(0.03, "of the bound so far", "the same through regions: 0.06 % more than 0.1", LINES)
     linear_weight: float = tuned(
-        2.5,
-        "times the inertia's width",
-        "for terms linear in q, absent from the program; of 1 to 8 it raises bounds of long ramps most",
-        "first random pair of a Panda: gap 3.4 to 3.3 %; fourth of a UR5: 1.02 to 0.92 %",
+        2.5, "times the inertia's width", "for terms linear in q; of 1 to 8 it raises bounds of long ramps most"
     )
     momentum_joints: int = tuned(
         32, "joints", "of arms whose momentum is bounded, at most: work grows as their fifth power", "talos: 26 CPU s"
@@ -47,10 +44,7 @@ class BoundPolicy:
     cut: float = tuned(0.1, "of the widest joint's", "width of a box's joints that may be bisected [rad or m]", POSES)
     most_momentum: float = tuned(1.2, "times the velocity limits' bound", "largest bound by momentum tried", POSES)
     tiny: float = tuned(
-        1e-6,
-        "rad or m, or of the equations' size",
-        "half width of a box that counts as a point; damping that keeps dependent combinations solvable",
-        POSES,
+        1e-6, "rad or m, or relative", "half width of a box that counts as a point; damping of its equations", POSES
     )
     most_boxes: int = tuned(60_000, "boxes", "of one enclosure: positions need 12,000, full poses mostly 25,000", POSES)
     narrowings: int = tuned(2, "rounds", "over all equations: each benefits from the others", POSES)

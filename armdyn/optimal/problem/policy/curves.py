@@ -26,43 +26,23 @@ class CurvePolicy:
     mesh_starts: int = by_kind("guesses", "rough curves that a mesh starts from: one takes 0.04 s", "RR, RRR")
     slack: float = tuned(1.2, "of the time at the velocity limits", "duration of a guess that cruises")
     gentle: float = tuned(
-        2.0,
-        "of the time with ramps of limited jerk",
-        "the same through via points; with 1.2 two of 13 motions are not found, from guesses without ramps five",
-        "Panda, UR5, 13 random pairs with a via point",
+        2.0, "of the time with limited jerk", "the same through via points; with 1.2 two of 13 motions are lost"
     )
     pace: float = tuned(
-        1.5,
-        "-",
-        "duration over that guess's of a slower one, and the inverse of a faster one's, if it has failed",
-        "Panda, two random pairs with a via point",
+        1.5, "-", "duration over that guess's of a slower one, and the inverse of a faster one's, if it has failed"
     )
     patience: int = tuned(
-        300,
-        "iterations",
-        "of IPOPT; those that converge take 20 to 60, with path constraints up to 140, with Coulomb friction up to 200",
-        TRAINED + ", xArm6",
+        300, "iterations", "of IPOPT; most take 20 to 60, with path constraints 140, with Coulomb friction 200"
     )
     tolerance: float = tuned(
-        1e-7,
-        "scaled",
-        "of IPOPT; a hundred times that is accepted where the duration no longer falls: with Coulomb friction joints "
-        "with time to spare drift on about where their velocity turns its sign",
-        TRAINED + ", xArm6 with the friction of its URDF",
+        1e-7, "scaled", "of IPOPT; a hundred times that where the duration no longer falls: dry friction makes it flat"
     )
     smooth: float = tuned(1e-3, "-", "weight of the mean squared torque against the duration: the fastest is unique")
     calm: float = tuned(
-        1e-4,
-        "-",
-        "weight of mean squared velocities, and of squared torque steps, where time may be spent on calm joints; with "
-        "twice that some motions take more time than allowed",
-        RESTING,
+        1e-4, "-", "weight of squared velocities and torque steps of calm motions; twice that takes too long", RESTING
     )
     resting_speed: float = tuned(
-        1e-3,
-        "of a velocity limit",
-        "mean speed below which joints with less far to go are weighted more; at 0.02 resting ones travel twice as far",
-        RESTING,
+        1e-3, "of a velocity limit", "below it joints are held back; with 0.02 they travel twice as far", RESTING
     )
     checks: int = tuned(24, "places", "of an interval at which torques are checked; a multiple of 4")
     eager: float = tuned(1.5, "-", "times a torque's excess between points is added to the nearest point's margin")
@@ -72,17 +52,13 @@ class CurvePolicy:
     calm_excess: float = tuned(3e-3, "of half the range", "accepted where time is then spent on calm joints")
     rounds: int = tuned(8, "rounds", "of tightening limits that are exceeded between the points, and of slowing down")
     profile_jerk_error: float = tuned(
-        4e-3,
-        "of a jerk limit",
-        "between samples along profiles: with 1e-2 motions are 0.01 to 0.1 % slower, with half as many samples",
-        "thirteen arms, seed 9997",
+        4e-3, "of a jerk limit", "between samples along profiles; 1e-2 is 0.01 to 0.1 % slower", "13 arms, seed 9997"
     )
     velocity_error: float = tuned(
         1e-5,
         "of a velocity limit",
-        "estimated error of the replay's velocities, for the choice of samples, and a reserve of the limits: with 2e-6 "
-        "there are 1.35 (UR5) to 1.6 (Kinova) times as many samples; a twentieth of it where a motion cannot be slowed "
-        "down: replays then exceed limits by 3e-6 with 2e-6",
+        "of replays, by an estimate, for the choice of samples and as a reserve: 2e-6 takes 1.35 to 1.6 times as many, "
+        "a twentieth where a motion cannot be slowed down",
         "Panda, UR5, xArm7, Kinova, TIAGo Pro, pairs 0 to 3 of docs/arms.md; in flight (seed 41)",
     )
     samples: int = tuned(8, "samples", "of an interval, at least; eight times that at most, by the estimate")
@@ -90,9 +66,9 @@ class CurvePolicy:
     finer: tuple[int, ...] = tuned(
         (2, 4, 16),
         "-",
-        "multiply these samples: the first where Coulomb friction jumps between them, torques may not jump, or "
-        "velocity limits do not shape the motion; the others in turn where Coulomb friction shakes a joint beyond its "
-        "jerk limit, before the motion is slowed down: arms that took 1.1 to 3.7 times as long take 1.0 to 1.6 times",
+        "multiply these samples: the first where dry friction jumps, torques may not, or velocity limits do not shape "
+        "the motion; the others in turn where dry friction shakes a joint beyond its jerk limit: durations of 1.1 to "
+        "3.7 become 1.0 to 1.6",
         "UR5, xArm6, xArm7, random arms (RRR)",
     )
     slower: float = tuned(0.6, "of an excess", "by which a curve is slowed: half suffices for a torque without gravity")
@@ -122,16 +98,12 @@ class SequentialPolicy:
     accuracy: float = tuned(
         1e-6,
         "-",
-        "of a quadratic program; with 1e-5 one of 840 motions among obstacles is 14 % slower, 1e-8 takes 1.5 times as "
-        "long",
-        "MotionBenchMaker, Panda, UR5 and xArm7, 90 random pairs (seed 11)",
+        "of a quadratic program; 1e-5 makes one of 840 motions 14 % slower, 1e-8 takes 1.5 times as long",
+        "90 random pairs",
     )
     tightened: float = tuned(0.02, "of the merit", "error of a prediction beyond which torques are not judged", TRAINED)
     undamped: int = tuned(
-        2,
-        "changes",
-        "of exceeded bounds of torques; each further one halves the largest radius: curve and margins then converge",
-        "RRR, Panda and UR5 from moving states",
+        2, "changes", "of exceeded torques; each further one halves the largest radius: both then converge", "RRR"
     )
     eager: int = tuned(4, "steps", "accepted without a test: 6 instead of 29 steps in all")
     trust: float = tuned(0.3, "rad or m", "largest and first trust region's radius; a third where little has changed")
@@ -140,24 +112,21 @@ class SequentialPolicy:
     poor: float = tuned(0.25, "of the predicted", "gain below which the radius falls", "Nocedal and Wright")
     good: float = tuned(0.75, "of the predicted", "gain above which the radius grows", "Nocedal and Wright")
     price: float = tuned(
-        0.3,
-        "of the guess's duration",
-        "price of a torque beyond its limit by half its range, and of another row by its scale; 2 stalls",
+        0.3, "of the guess's duration", "of a torque half its range beyond its limit, of a row by its scale; 2 stalls"
     )
     distance: float = tuned(14.0, "of the guess's duration per m", "price of a pose's distance below the clearance")
     rise: float = tuned(10.0, "-", "raises all prices where no step is better and rows are violated", CORNERS)
     left: float = tuned(
         0.01,
         "of their scales",
-        "summed excess of torques, distances (over 0.1 m) and other rows of a curve that counts as converged; with 0.1 "
-        "velocities may jump between legs by 9 % of their limits",
-        "SCARA, random regions",
+        "summed excess of rows of a converged curve; with 0.1 speeds jump between legs",
+        "SCARA",
     )
     enough: float = tuned(
         3e-4,
         "of the merit",
-        "change that ends the iteration among obstacles, slowing down that ends their rounds, and jump of velocities "
-        "between legs, of their limits, that makes a curve no motion; converged ones have 1e-4 at most",
+        "change or slowing down that ends an iteration among obstacles, and part of velocity limits by which those of "
+        "two legs that meet may differ; converged ones have 1e-4 at most",
     )
     free_enough: float = tuned(1e-6, "of the merit", "change that ends the iteration without obstacles", TRAINED)
     smooth: float = tuned(1e-5, "s", "weight of squared accelerations over velocity limits; costs 0.2 %")
@@ -178,10 +147,7 @@ class LivePolicy:
     enough: float = tuned(5e-4, "of the duration", "largest change by the last step of a motion that is returned")
     reserve: float = tuned(1.5e-3, "of half the range", "of torque of a curve: the error of one step, and of cubics")
     least_reserve: float = tuned(
-        4e-4,
-        "of a limit",
-        "reserve of torque in a motion that is returned, and of acceleration in a curve: cubics between its samples "
-        "take up to 1e-4 of a torque, 3e-4 of an acceleration",
+        4e-4, "of a limit", "of torque in a motion, of acceleration in a curve: cubics between samples take 1e-4, 3e-4"
     )
     same_position: float = tuned(
         1e-5, "rad or m", "off the last motion, and 100 times that per second, counts as on it"

@@ -37,10 +37,7 @@ class StrategyPolicy:
         "profiles are the optimum where rates are limited more than torques, and take a tenth of a second",
     )
     fallback: tuple[MethodName, ...] = by_kind(
-        "methods",
-        "tried from landed motions if no optimum is usable: a curve is a motion even without convergence; it needs "
-        "a motor at every joint, since a torque of zero would be an equation all along it",
-        "by definition",
+        "methods", "from landed motions if no optimum is usable; a curve needs a motor at every joint", "by definition"
     )
     bounded: bool = by_kind("-", "velocity limits shape the motion: their lower bound is computed concurrently")
 

@@ -18,56 +18,37 @@ class MotionMeshPolicy:
     )
     iterations: int = tuned(150, "iterations", "on a mesh, at most: certified motions of 80 problems took 80")
     tolerance: float = tuned(
-        1e-7,
-        "scaled",
-        "of all meshes but the last, a hundredth on it, hundredfold if a motion hardly becomes faster: with idle "
-        "joints 1e-9 takes 100 iterations, for the same switches",
+        1e-7, "scaled", "of all meshes but the last, a hundredth on it, hundredfold if a motion hardly becomes faster"
     )
     barrier: float = tuned(
-        1e-6,
-        "scaled",
-        "first of the interior-point method on the first mesh; a hundredth on the others, as their initial solution's, "
-        "and a thousandth on the last: with 1e-6 a motion on 2,000 intervals first becomes 1 % slower",
+        1e-6, "scaled", "first on the first mesh; a hundredth on the others, near a solution; a thousandth on the last"
     )
     push: float = tuned(1e-5, "of the range", "least distance of the start from bounds")
     convex: float = tuned(
-        1e-5,
-        "of T for half a torque's range",
-        "least curvature of torques where T is not convex, in their interval: half the iterations of one for all",
+        1e-5, "of T for half a torque's range", "least curvature of torques where T has none: half the iterations"
     )
     decrease: float = tuned(
-        3e-8,
-        "of the duration",
-        "least decrease of the barrier function, or the last mesh counts as solved; thirtyfold on the meshes before",
+        3e-8, "of the duration", "of the barrier function, or the last mesh counts as solved; thirtyfold before"
     )
     patience: int = tuned(12, "iterations", "over which the decrease is measured")
     parts: int = tuned(4, "parts", "of a divided interval, at most")
     jump: float = tuned(0.03, "of half a torque's range", "between intervals that are to be divided")
     bend: float = tuned(
-        5e-4,
-        "of half the range of a torque's motion",
-        "at a knot of linear torques that needs no more: half of it takes 3e-5 of T less, in twice the CPU time",
-        "RR, RRR: limited accelerations; time-energy",
+        5e-4, "of half the range of a torque's motion", "at a knot that needs no more; half: 3e-5 of T, twice the CPU"
     )
     velocity_excess: float = tuned(2e-5, "of a velocity limit", "excess within an interval of constant torque")
     gap: float = tuned(1e-9, "of a joint's way or speed", "error of collocation in an interval: its gradient's is 1e-5")
     least: float = tuned(4e-6, "of the duration", "a shorter interval is not divided")
     slower: float = tuned(
-        1e-2,
-        "of the duration",
-        "a solution slower by more is another optimum; with 4e-3 one of 35 was lost, which finer meshes slow by 0.47 %",
-        "RRR, 500 g; random arms (RRR)",
+        1e-2, "of the duration", "slower by more is another optimum; 4e-3 lost one of 35, slower by 0.47 %"
     )
     ties: tuple[float, ...] = tuned(
         (3e-6, 1e-4),
         "of 1 for time",
-        "weight of full torques, which determines joints idle in time-optimal motion; of meshes after the first the "
-        "second: a quarter of the iterations for 5e-7 of T",
+        "of full torques, for idle joints; after the first mesh the second: a quarter of the iterations",
     )
     work: int = tuned(
-        700_000,
-        "intervals",
-        "times iterations of the meshes of one optimum, after which no mesh is begun: 5 CPU s with three joints",
+        700_000, "intervals", "times iterations of one optimum, after which no mesh is begun: 5 CPU s with three joints"
     )
     further_meshes: int = tuned(4, "meshes", "divided where the motion is not yet certified, at most")
 
@@ -137,16 +118,10 @@ class ShootingPolicy:
     steps: int = tuned(1280, "steps", "of the whole motion at least: a coarse mesh's intervals take several")
     near: float = tuned(1e-5, "of half a torque's range", "a torque of the mesh so near its limit is on it")
     closed: float = tuned(
-        1e-11,
-        "of a joint's way or speed",
-        "gap that counts as closed, far below the goal's tolerance; of exact arcs, whose Newton steps go on while they "
-        "halve it, a tenth is rounding",
+        1e-11, "of a joint's way or speed", "gap that counts as closed; a tenth, of exact arcs, is rounding"
     )
     held: float = tuned(
-        0.1,
-        "of a limit",
-        "distance within which a velocity (or a position, per way) may be active: with a fifth of it the saving is "
-        "twice to eight times as large where a joint is idle between contacts",
+        0.1, "of a limit", "distance at which it may be active (of a position, per way); a fifth doubles the saving"
     )
     least_spacing: float = tuned(2.5e-4, "of the duration", "between the times of the costates' linear program")
     state_bound: float = tuned(3.0, "of ways and largest speeds", "bound of changes of states in that program")

@@ -22,9 +22,7 @@ class ProgramPolicy:
         "-", "the interval's middle is eliminated: half the unknowns, without path constraints", "RR, RRR with 100.6 g"
     )
     flat: float | None = by_kind(
-        "scaled",
-        "IPOPT's error at which it may stop once the equations hold: path constraints make the minimum flat",
-        "sphere and post before RR and Panda",
+        "scaled", "IPOPT's error at which it may stop if the equations hold: rows make the minimum flat", "Panda"
     )
     near_limit: float = tuned(
         1e-3, "of travel or limit", "least distance of guesses from limits exceeded between knots", UNRECORDED
@@ -33,22 +31,13 @@ class ProgramPolicy:
         1e-5, "scaled", "of IPOPT in the search: 1e-4 is too inaccurate; a tenth from another mesh", PLANAR
     )
     coarse_barriers: tuple[float, ...] = by_kind(
-        "scaled",
-        "IPOPT's mu_init in turn: small ones keep more of the guess; with three joints ten times as large ones miss "
-        "fewer best optima",
-        "planar arms; RRR, random",
+        "scaled", "IPOPT's mu_init in turn: small ones keep more of the guess, larger ones lose fewer best optima"
     )
     guess_iterations: int | None = by_kind(
-        "iterations",
-        "of a guess of three joints, and on the finer mesh, at most: of 70 problems no best optimum took more than 150",
-        "random arms (RRR)",
+        "iterations", "of a guess of RRR, at most: of 70 problems no best optimum took more than 150", "random arms"
     )
     fine_barrier: float = tuned(
-        1e-4,
-        "scaled",
-        "its mu_init from a solution on another mesh, small to stay near it: with 1e-3 one in forty is lost that 1e-4 "
-        "keeps; on the same mesh with slightly tighter limits a tenth",
-        "RRR, random",
+        1e-4, "scaled", "mu_init from another mesh's solution, a tenth from the same one's; 1e-3 loses one in 40"
     )
 
 
@@ -60,27 +49,16 @@ class SearchPolicy:
 
     starts: int = by_kind(
         "guesses",
-        "32 for two joints, with path constraints 16, where effort is paid 64: 32 miss the best of RR with 1 kg; 140 "
-        "for three, changes of optima among them; 40 where one of two has no motor; around obstacles paths are chosen "
-        "among many",
-        "planar arms; RRR, random pairs (seed 1); RR, random arms (seeds 337, 347, 401, 409)",
+        "32 for RR (few for 1 kg), 16 with path constraints, 64 with effort, 40 if a motor is missing; 140 for RRR",
     )
     meshes: tuple[int, ...] = by_kind(
-        "intervals",
-        "used by the guesses in turn; joints without a motor swing, and coarse meshes admit spurious optima that are "
-        "faster than any motion, or with effort in the cost cheaper: 1 kg on 25 intervals by a fifth",
+        "intervals", "of the guesses in turn; coarse ones admit spurious optima of swinging joints, and with effort"
     )
     fine_mesh: int = by_kind(
-        "intervals",
-        "of the mesh on which optima of coarse meshes are told apart: 40, with effort in the cost 80; four times as "
-        "many of the first finer mesh of constant torques",
+        "intervals", "on which optima of coarse meshes are told apart; a quarter of the first finer mesh's"
     )
     ends_early: bool = by_kind(
-        "-",
-        "end once few optima recur, with path constraints or effort in the cost; else, of 34 searches with three "
-        "joints, this would save an eighth of the guesses, and lost 5.9 % of the duration where 60 guesses had led to "
-        "one optimum; with two joints 4.3 %",
-        "RRR, random (seeds 8, 33, 123, poses within ±π); RR, random arms (seed 337)",
+        "-", "once few optima recur; of many it would lose up to 5.9 % of the duration for an eighth of the guesses"
     )
     neighbour_starts: int = by_kind(
         "guesses", "of a search from a neighbour's optimum; half with effort; beyond three joints the straight"
@@ -90,9 +68,7 @@ class SearchPolicy:
     fine_solves: int = tuned(6, "times as many", "coarse optima are solved on the finer mesh: many are spurious")
     only_listed: float = tuned(1.2, "of the best duration", "coarse solutions slower than that are only listed")
     too_coarse: float = tuned(
-        1.05,
-        "of the coarse duration",
-        "the best's on the finer mesh from which the search is repeated; a goal whose bound is so far off is not tried",
+        1.05, "of the coarse duration", "on the finer mesh: the search is repeated; of a goal's bound: it is not tried"
     )
     too_coarse_confirmed: float = tuned(1.01, "of the coarse duration", "the same, if replays confirm it")
     replay_miss: float = tuned(0.2, "of a joint's way", "they do if those of all its optima miss the goal by this")
@@ -103,38 +79,24 @@ class SearchPolicy:
     spread: float = by_kind("times the way", "standard deviation of random poses")
     uniform_spread: float = by_kind(
         "rad",
-        "uniform spread of random poses instead; 0: none. Of 160 random RR arms 32 guesses within 4 rad, hasty, miss "
-        "1 %, near ones 2 %, 16 near ones that end early 3 %. With three joints, within a turn and a quarter, a "
-        "hundred guesses miss one best optimum in three where within 1.5 times the way it is one in two; within 4 rad "
-        "where no joint can turn more than twice, as further poses are at its limits; heavy arms, whose search is "
-        "repeated, move less",
-        "RRR, random: the twelve hardest of a hundred pairs; random arms (seeds 341, 383), pairs of seeds 1 and 33",
+        "of random poses instead; 0: none. Within 4 rad 32 hasty guesses miss 1 % of RR, near ones 2 %; of RRR 100 "
+        "miss one best optimum in three, near ones one in two; within 8 rad if joints turn more than twice",
+        "RRR, random: the twelve hardest of a hundred pairs; random arms (seeds 341, 383)",
     )
     guess_duration: float = by_kind(
-        "-",
-        "of the duration at which a guess's torques fit: from 0.4 three joints take a tenth fewer iterations, to more "
-        "optima",
+        "-", "of that at which a guess's torques fit: from 0.4 RRR takes a tenth fewer iterations, to more optima"
     )
     mutated: float = by_kind(
-        "of the guesses",
-        "are mutations of optima of the others: hundreds of random ones find an optimum once, one mutation in ten does",
-        "RRR, random: the twelve hardest of a hundred pairs",
+        "of the guesses", "are mutations of others' optima: one in ten finds what random ones find once in hundreds"
     )
     selection_scale: float = tuned(3.0, "optima", "of the best, about, that are mutated most often, of twice as many")
     midpoint_spread: float = tuned(
-        0.3,
-        "times the way",
-        "standard deviation of the offset of all joints at half time; rad or m, and of the logarithm, of swings",
-        "RRR, random; " + SWINGS,
+        0.3, "times the way", "deviation of all joints at half time; rad or m, and of the logarithm, of swings"
     )
     joint_offset: float = tuned(6.0, "rad or m", "largest offset of a mutation of one joint")
     mutation_duration: float = tuned(1.2, "of an optimum's duration", "initial duration of its mutations")
     batch: int = tuned(
-        4,
-        "guesses",
-        "that a worker receives at once: one costs hardly more than its transfer; with more some workers are idle; the "
-        "search tests its early end after so many, and eight times as many are mutated at once",
-        "RRR, random: iterations of eight pairs dealt to 2, 4, 8 and 16 workers",
+        4, "guesses", "sent to a worker at once, or solved before an early end is tested; eightfold, mutated at once"
     )
     check_part: float = tuned(0.3, "of the time limit", "kept for replay and checks of the result", "Panda, xArm6")
     check_time: float = tuned(1.0, "s", "the same, at most", "Panda, xArm6")
@@ -219,10 +181,7 @@ class CyclePolicy:
         8, "pairs of branches", "refused for one reason before all of a move are: six axes have eight branches"
     )
     quick: float = tuned(
-        0.5,
-        "of the duration",
-        "by which other tours may still be shorter when a quick search ends: bounds ignore straight segments and "
-        "obstacles, so that most tours would have to be solved",
+        0.5, "of the duration", "that other tours may save when a quick search ends: else most would have to be solved"
     )
     bound_programs: int = tuned(
         600, "linear programs", "of that bound: 10 s of a Panda's on two cores, which still rises; a UR5's takes 450"
