@@ -1,7 +1,5 @@
 """Checks of a minimum-time problem: errors and warnings."""
 
-import warnings
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +7,7 @@ import numpy as np
 
 from armdyn.arguments import several, shown
 from armdyn.arrays import Array, Flags
-from armdyn.errors import ArmdynWarning, ContactError, ProblemError
+from armdyn.errors import ContactError, ProblemError
 from armdyn.models.reading.faults import mending
 from armdyn.models.reading.holding import hardest_poses
 from armdyn.models.robots.robot import Robot
@@ -312,10 +310,3 @@ def holding_deficits(
         beyond = bool(abs(torque[i]) > own + room)
         found.append(HoldingDeficit(joint, pose, float(excess), not limits.passive[i], beyond, words))
     return sorted(found, key=lambda one: -one.excess)
-
-
-def warn_if_not_held(holding_deficit: Sequence[HoldingDeficit]) -> None:
-    """Warn of a goal that cannot be held within the limits."""
-    for one in holding_deficit:
-        then = "staying there is beyond this actuator" if one.beyond else "staying there takes of the reserve"
-        warnings.warn(f"{one.words}: a motion to the goal may exist, {then}", ArmdynWarning, stacklevel=4)

@@ -37,7 +37,6 @@ from armdyn.optimal.problem.checks import (
     check_without_torques,
     clear_goals,
     holding_deficits,
-    warn_if_not_held,
 )
 from armdyn.optimal.problem.planning_limits import PathConstraintSpec, Reserve, rate_limit, resolved_limits
 from armdyn.optimal.problem.poses import Via, check_via_regions, endless, goals_with_turns, via_positions
@@ -174,7 +173,9 @@ class MinimumTimeProblem:
         if not several(self.via, "via"):
             check_way(self.robot, self.x_start, self.x_goal)
         self._resolve_path_constraints()
-        warn_if_not_held(self._deficits_at("goal"))
+        for one in self._deficits_at("goal"):
+            then = "staying there is beyond this actuator" if one.beyond else "staying there takes of the reserve"
+            warnings.warn(f"{one.words}: a motion to the goal may exist, {then}", ArmdynWarning, stacklevel=3)
 
     def _set(self, **resolved: object) -> None:
         """Store attributes as resolved; arrays become read-only."""

@@ -39,7 +39,12 @@ _NUMBERS = (
     "effort_limit", "velocity_limit", "armature", "rotor_inertia", "gear_ratio", "damping", "friction",
     "friction_width", "passive",
 )  # fmt: skip
-KEYS = (*_SOURCES, "lock", "arm", "mount", "payload", "tool", *_NUMBERS, "torque_speed", "inertias", "limits", "likely")
+_INNER: dict[str, tuple[str, ...] | None] = {
+    "payload": PAYLOAD_KEYS, "tool": TOOL_KEYS, "lock": None, "mount": POSE_KEYS, "torque_speed": None,
+    "inertias": None,
+}  # fmt: skip
+"""The tables in [robot], and the keys of each; None: names of joints."""
+KEYS = (*_SOURCES, "arm", *_INNER, *_NUMBERS, "limits", "likely")
 """The keys of [robot]."""
 _LIKELY = ("payload", "inertias", "armature", "damping", "friction", "friction_width")
 """The keys of [[robot.likely]]; the others are those of [robot]."""
@@ -68,24 +73,23 @@ def robot_from(table: Table, mass: float | None = None) -> Robot:
     table.only(KEYS)
     with table.locating_errors(_WORDS):
         given, folder = table.values, Path(table.path).parent
-        carried = dict(_inner(table, "payload", PAYLOAD_KEYS)) if "payload" in given else {}
+        inner = {key: _inner(table, key, known) for key, known in _INNER.items() if key in given}
+        carried = dict(inner.pop("payload", {}))
         if mass is not None:
             carried = {**carried, "mass": mass} if mass or "shapes" in carried else {}
-        tool = tool_from(_inner(table, "tool", TOOL_KEYS), folder) if "tool" in given else None
-        lock = (
-            {joint: q if q == FREE else position_of(q, "lock") for joint, q in _inner(table, "lock").items()}
-            if "lock" in given
-            else None
-        )
+        if carried:
+            inner["payload"] = payload_from(carried, folder)
+        if "tool" in inner:
+            inner["tool"] = tool_from(inner["tool"], folder)
+        if "lock" in inner:
+            inner["lock"] = {joint: q if q == FREE else position_of(q, "lock") for joint, q in inner["lock"].items()}
+        if "mount" in inner:
+            inner["mount"] = pose_from(inner["mount"], "mount")
         ends = given.get("arm")
         if "arm" in given and not (isinstance(ends, list) and len(ends) == 2 and all(isinstance(e, str) for e in ends)):
             raise table.error("arm", f"arm is {shown(ends)}; it is two joints or links: ['first', 'last']")
-        mount = pose_from(_inner(table, "mount", POSE_KEYS), "mount") if "mount" in given else None
-        numbers: Any = {key: given[key] for key in _NUMBERS if key in given}
-        numbers |= {key: _inner(table, key) for key in ("torque_speed", "inertias") if key in given}
-        payload = payload_from(carried, folder) if carried else None
-        options = RobotOptions(payload=payload, tool=tool, lock=lock, arm=ends, mount=mount, **numbers)
-        robot = Robot.from_source(_source(table), options)
+        numbers = {key: given[key] for key in _NUMBERS if key in given}
+        robot = Robot.from_source(_source(table), RobotOptions(arm=ends, **inner, **numbers))
         if "limits" in given:
             rows = _inner(table, "limits", tuple(robot.limits.rows))
             robot = replace(robot, limits=replace(robot.limits, **rows))
@@ -106,19 +110,16 @@ def robot_table(robot: Robot, folder: str | os.PathLike[str] | None = None) -> d
     origin, options = robot.origin, robot.options
     if origin is None or origin.model is not None:
         raise SpecError(f"{robot.source} has no file and no text: a problem file cannot describe it")
-    written = _written_source(origin, folder)
-    if options.lock:
-        written["lock"] = {joint: q if isinstance(q, str) else float(q) for joint, q in options.lock.items()}
-    if options.arm is not None:
-        written["arm"] = list(options.arm)
-    if options.mount is not None:
-        written["mount"] = pose_entry(np.array(options.mount), turned=True)
-    if robot.payload is not None:
-        written["payload"] = payload_entry(robot.payload)
-    if options.inertias is not None:
-        written["inertias"] = {joint: np.asarray(own, dtype=float).tolist() for joint, own in options.inertias.items()}
-    if options.tool is not None:
-        written["tool"] = payload_entry(options.tool)
+    lock, inertias = options.lock or {}, options.inertias or {}
+    entries = {
+        "lock": {joint: q if isinstance(q, str) else float(q) for joint, q in lock.items()},
+        "arm": options.arm and list(options.arm),
+        "mount": options.mount and pose_entry(np.array(options.mount), turned=True),
+        "payload": robot.payload and payload_entry(robot.payload),
+        "inertias": {joint: np.asarray(own, dtype=float).tolist() for joint, own in inertias.items()},
+        "tool": options.tool and payload_entry(options.tool),
+    }
+    written = _written_source(origin, folder) | {key: entry for key, entry in entries.items() if entry}
     read = {name: getattr(options, name) for name in ("tool", "lock", "arm", "mount", "inertias")}
     plain = Robot.from_source(origin, RobotOptions(payload=robot.payload, **read))
     if robot.joint_names != plain.joint_names or robot.tip != plain.tip:
@@ -128,14 +129,13 @@ def robot_table(robot: Robot, folder: str | os.PathLike[str] | None = None) -> d
         written["limits"] = changed
     if curves := torque_speed_entry(robot.limits.actuators):
         written["torque_speed"] = curves
-    if not np.array_equal(robot.model.armature, plain.model.armature):
-        written["armature"] = robot.model.armature.tolist()
-    (damping, coulomb), (own_damping, own_coulomb) = (one.friction.per_joint(robot.nv) for one in (robot, plain))
-    pairs = {"damping": (damping, own_damping), "friction": (coulomb, own_coulomb)}
-    written |= {name: own.tolist() for name, (own, read) in pairs.items() if not np.array_equal(own, read)}
+    pairs = [(one.model.armature, *one.friction.per_joint(robot.nv)) for one in (robot, plain)]
+    for name, own, read in zip(("armature", "damping", "friction"), *pairs, strict=True):
+        if not np.array_equal(own, read):
+            written[name] = own.tolist()
     if not np.array_equal(robot.friction.width, plain.friction.width):
         written["friction_width"] = robot.friction.listed_width
-    again = plain.with_armature(robot.model.armature).with_friction(damping, coulomb, robot.friction.width)
+    again = plain.with_armature(robot.model.armature).with_friction(*pairs[0][1:], robot.friction.width)
     if again.model_hash != robot.model_hash:
         raise SpecError(
             f"{robot.source}: its model or its file was changed after it was read: no problem file describes it"
