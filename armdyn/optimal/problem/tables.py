@@ -73,7 +73,7 @@ def robot_from(table: Table, mass: float | None = None) -> Robot:
     table.only(KEYS)
     with table.locating_errors(_WORDS):
         given, folder = table.values, Path(table.path).parent
-        inner = {key: _inner(table, key, known) for key, known in _INNER.items() if key in given}
+        inner: dict[str, Any] = {key: _inner(table, key, known) for key, known in _INNER.items() if key in given}
         carried = dict(inner.pop("payload", {}))
         if mass is not None:
             carried = {**carried, "mass": mass} if mass or "shapes" in carried else {}

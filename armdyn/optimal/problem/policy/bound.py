@@ -22,9 +22,7 @@ class BoundPolicy:
     passes: int = tuned(8, "passes", "of nested boxes on one grid, at most; twice as many grids; usually four on one")
     least_gain: float = tuned(2e-5, "of the bound", "a pass that gains less is the last")
     cut_side: float = tuned(1.5, "times a ramp", "length to which a side is cut")
-    horizon: float = tuned(
-        0.5, "of the bound so far", "slower motions are left out on the first grid, for smaller boxes"
-    )
+    horizon: float = tuned(0.5, "of the bound so far", "slower motions are left out on the first grid: smaller boxes")
     region_horizon: float = tuned(0.03, "of the bound so far", "the same through regions: 0.06 % more than 0.1", LINES)
     linear_weight: float = tuned(
         2.5, "times the inertia's width", "for terms linear in q; of 1 to 8 it raises bounds of long ramps most"
@@ -44,7 +42,7 @@ class BoundPolicy:
     cut: float = tuned(0.1, "of the widest joint's", "width of a box's joints that may be bisected [rad or m]", POSES)
     most_momentum: float = tuned(1.2, "times the velocity limits' bound", "largest bound by momentum tried", POSES)
     tiny: float = tuned(
-        1e-6, "rad or m, or relative", "half width of a box that counts as a point; damping of its equations", POSES
+        1e-6, "rad or m, or relative", "half width of a box that is a point; damping of equations", POSES
     )
     most_boxes: int = tuned(60_000, "boxes", "of one enclosure: positions need 12,000, full poses mostly 25,000", POSES)
     narrowings: int = tuned(2, "rounds", "over all equations: each benefits from the others", POSES)

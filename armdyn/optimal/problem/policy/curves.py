@@ -25,22 +25,16 @@ class CurvePolicy:
     more_starts: int = tuned(6, "guesses", "if the first has failed", "bravo7")
     mesh_starts: int = by_kind("guesses", "rough curves that a mesh starts from: one takes 0.04 s", "RR, RRR")
     slack: float = tuned(1.2, "of the time at the velocity limits", "duration of a guess that cruises")
-    gentle: float = tuned(
-        2.0, "of the time with limited jerk", "the same through via points; with 1.2 two of 13 motions are lost"
-    )
+    gentle: float = tuned(2.0, "of the time with limited jerk", "through via points; 1.2 loses two of 13 motions")
     pace: float = tuned(
-        1.5, "-", "duration over that guess's of a slower one, and the inverse of a faster one's, if it has failed"
+        1.5, "-", "duration of a slower guess, and the inverse of a faster one's, if the first has failed"
     )
-    patience: int = tuned(
-        300, "iterations", "of IPOPT; most take 20 to 60, with path constraints 140, with Coulomb friction 200"
-    )
+    patience: int = tuned(300, "iterations", "of IPOPT; most take 20 to 60, with rows 140, with dry friction 200")
     tolerance: float = tuned(
         1e-7, "scaled", "of IPOPT; a hundred times that where the duration no longer falls: dry friction makes it flat"
     )
     smooth: float = tuned(1e-3, "-", "weight of the mean squared torque against the duration: the fastest is unique")
-    calm: float = tuned(
-        1e-4, "-", "weight of squared velocities and torque steps of calm motions; twice that takes too long", RESTING
-    )
+    calm: float = tuned(1e-4, "-", "weight of squared velocities and torque steps; twice that takes too long", RESTING)
     resting_speed: float = tuned(
         1e-3, "of a velocity limit", "below it joints are held back; with 0.02 they travel twice as far", RESTING
     )
@@ -102,9 +96,7 @@ class SequentialPolicy:
         "90 random pairs",
     )
     tightened: float = tuned(0.02, "of the merit", "error of a prediction beyond which torques are not judged", TRAINED)
-    undamped: int = tuned(
-        2, "changes", "of exceeded torques; each further one halves the largest radius: both then converge", "RRR"
-    )
+    undamped: int = tuned(2, "changes", "of exceeded torques; each further one halves the largest radius", "RRR")
     eager: int = tuned(4, "steps", "accepted without a test: 6 instead of 29 steps in all")
     trust: float = tuned(0.3, "rad or m", "largest and first trust region's radius; a third where little has changed")
     least_trust: float = tuned(1e-4, "rad or m", "radius below which no step is tried")
@@ -149,9 +141,7 @@ class LivePolicy:
     least_reserve: float = tuned(
         4e-4, "of a limit", "of torque in a motion, of acceleration in a curve: cubics between samples take 1e-4, 3e-4"
     )
-    same_position: float = tuned(
-        1e-5, "rad or m", "off the last motion, and 100 times that per second, counts as on it"
-    )
+    same_position: float = tuned(1e-5, "rad or m", "so far off the last motion (a speed: 100 times that) is on it")
     hand_over: float = tuned(2e-3, "s", "before the deadline, plus a step's time: no further step is begun")
     brakes: int = tuned(16, "durations", "tried for a stop, the shortest first")
     longer: float = tuned(1.25, "-", "ratio of one duration to the one before")

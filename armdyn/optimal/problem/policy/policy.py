@@ -1,7 +1,7 @@
 """The policy of a problem: strategies and tuned numbers by its class."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import ClassVar, Self
 
 import numpy as np
@@ -20,7 +20,7 @@ from armdyn.optimal.problem.policy.refinement import (
     ShootingPolicy,
 )
 from armdyn.optimal.problem.policy.search import GoalPolicy, ProgramPolicy, SamePolicy, SearchPolicy
-from armdyn.optimal.problem.policy.tuned import by_kind, rows
+from armdyn.optimal.problem.policy.tuned import by_kind
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 
 
@@ -153,7 +153,12 @@ class Policy:
 
     def rows(self) -> Iterator[tuple[str, object, str, str, str]]:
         """Name, value, unit, reason and cases of every number."""
-        return rows(self)
+        groups = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "overrides"}
+        for name, group in groups.items():
+            for one in fields(group):
+                about = one.metadata
+                cases = about["cases"] or group.cases
+                yield f"{name}.{one.name}", getattr(group, one.name), about["unit"], about["why"], cases
 
     def changed(self, group: str, **numbers: object) -> Self:
         """The policy with other numbers in one group, for experiments; `for_problem` applies them to other problems."""

@@ -13,16 +13,12 @@ class MotionMeshPolicy:
     cases: ClassVar = "random arms (RR, seed 1; RRR)"
 
     most: int = tuned(4000, "knots", "of a mesh: more take a second; those that were certified took 4,200")
-    rounds: int = tuned(
-        4, "meshes", "with seven motions of 26 are no faster, and take twice the time; with three some are 1e-6 slower"
-    )
+    rounds: int = tuned(4, "meshes", "with seven 26 motions take twice the time, no faster; with three some lose 1e-6")
     iterations: int = tuned(150, "iterations", "on a mesh, at most: certified motions of 80 problems took 80")
     tolerance: float = tuned(
         1e-7, "scaled", "of all meshes but the last, a hundredth on it, hundredfold if a motion hardly becomes faster"
     )
-    barrier: float = tuned(
-        1e-6, "scaled", "first on the first mesh; a hundredth on the others, near a solution; a thousandth on the last"
-    )
+    barrier: float = tuned(1e-6, "scaled", "on the first mesh; a hundredth near a solution; a thousandth on the last")
     push: float = tuned(1e-5, "of the range", "least distance of the start from bounds")
     convex: float = tuned(
         1e-5, "of T for half a torque's range", "least curvature of torques where T has none: half the iterations"
@@ -39,17 +35,13 @@ class MotionMeshPolicy:
     velocity_excess: float = tuned(2e-5, "of a velocity limit", "excess within an interval of constant torque")
     gap: float = tuned(1e-9, "of a joint's way or speed", "error of collocation in an interval: its gradient's is 1e-5")
     least: float = tuned(4e-6, "of the duration", "a shorter interval is not divided")
-    slower: float = tuned(
-        1e-2, "of the duration", "slower by more is another optimum; 4e-3 lost one of 35, slower by 0.47 %"
-    )
+    slower: float = tuned(1e-2, "of the duration", "slower by more is another optimum; 4e-3 lost one of 35")
     ties: tuple[float, ...] = tuned(
         (3e-6, 1e-4),
         "of 1 for time",
         "of full torques, for idle joints; after the first mesh the second: a quarter of the iterations",
     )
-    work: int = tuned(
-        700_000, "intervals", "times iterations of one optimum, after which no mesh is begun: 5 CPU s with three joints"
-    )
+    work: int = tuned(700_000, "intervals", "times iterations of one optimum, then no mesh is begun: 5 CPU s for RRR")
     further_meshes: int = tuned(4, "meshes", "divided where the motion is not yet certified, at most")
 
 
@@ -59,9 +51,7 @@ class ArcsPolicy:
 
     cases: ClassVar = "RRR: ten payloads, random pairs; Panda, UR5; " + PLANAR
 
-    near: float = tuned(
-        2e-3, "of a limit", "a torque or speed within this is on its limit: IPOPT's barrier leaves 1e-4"
-    )
+    near: float = tuned(2e-3, "of a limit", "a torque or speed within this is on its limit: IPOPT leaves 1e-4")
     near_speed: float = tuned(
         2e-2, "of a limit", "a mesh is divided at speeds within this: a constant torque keeps the limit in the mean"
     )
@@ -111,15 +101,11 @@ class ShootingPolicy:
 
     cases: ClassVar = "random arms (RR, seed 1; RRR)"
 
-    rounds: int = tuned(
-        12, "rounds", "of Newton's method, and on the replay's miss: most take three; more with torques on limits"
-    )
+    rounds: int = tuned(12, "rounds", "of Newton's method, and on the replay's miss: most take three")
     far: float = tuned(0.1, "rad or m", "miss beyond which the linear correction does not hold", LARGE)
     steps: int = tuned(1280, "steps", "of the whole motion at least: a coarse mesh's intervals take several")
     near: float = tuned(1e-5, "of half a torque's range", "a torque of the mesh so near its limit is on it")
-    closed: float = tuned(
-        1e-11, "of a joint's way or speed", "gap that counts as closed; a tenth, of exact arcs, is rounding"
-    )
+    closed: float = tuned(1e-11, "of a joint's way or speed", "gap that counts as closed; on exact arcs a tenth")
     held: float = tuned(
         0.1, "of a limit", "distance at which it may be active (of a position, per way); a fifth doubles the saving"
     )

@@ -18,12 +18,8 @@ class ProgramPolicy:
     cases: ClassVar = "by definition"
 
     linear: bool = by_kind("-", "torque linear between knots: jumps are forbidden, or the limits fall with speed")
-    condensed: bool = by_kind(
-        "-", "the interval's middle is eliminated: half the unknowns, without path constraints", "RR, RRR with 100.6 g"
-    )
-    flat: float | None = by_kind(
-        "scaled", "IPOPT's error at which it may stop if the equations hold: rows make the minimum flat", "Panda"
-    )
+    condensed: bool = by_kind("-", "without the interval's middle: half the unknowns, without path constraints")
+    flat: float | None = by_kind("scaled", "IPOPT's error at which it may stop: rows make the minimum flat")
     near_limit: float = tuned(
         1e-3, "of travel or limit", "least distance of guesses from limits exceeded between knots", UNRECORDED
     )
@@ -36,9 +32,7 @@ class ProgramPolicy:
     guess_iterations: int | None = by_kind(
         "iterations", "of a guess of RRR, at most: of 70 problems no best optimum took more than 150", "random arms"
     )
-    fine_barrier: float = tuned(
-        1e-4, "scaled", "mu_init from another mesh's solution, a tenth from the same one's; 1e-3 loses one in 40"
-    )
+    fine_barrier: float = tuned(1e-4, "scaled", "mu_init on another mesh, a tenth on the same: 1e-3 loses one in 40")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,14 +48,10 @@ class SearchPolicy:
     meshes: tuple[int, ...] = by_kind(
         "intervals", "of the guesses in turn; coarse ones admit spurious optima of swinging joints, and with effort"
     )
-    fine_mesh: int = by_kind(
-        "intervals", "on which optima of coarse meshes are told apart; a quarter of the first finer mesh's"
-    )
-    ends_early: bool = by_kind(
-        "-", "once few optima recur; of many it would lose up to 5.9 % of the duration for an eighth of the guesses"
-    )
+    fine_mesh: int = by_kind("intervals", "on which coarse optima are told apart; a quarter of the first finer mesh's")
+    ends_early: bool = by_kind("-", "once few optima recur; of many it would lose 5.9 % of the duration, and save 12 %")
     neighbour_starts: int = by_kind(
-        "guesses", "of a search from a neighbour's optimum; half with effort; beyond three joints the straight"
+        "guesses", "near a neighbour's optimum; half with effort; beyond RRR the straight path"
     )
     side_by_side: bool = by_kind("-", "in processes: up to two joints a fork takes as long as the solve")
     refined: int = tuned(4, "optima", "that are solved on a finer mesh")
@@ -83,12 +73,8 @@ class SearchPolicy:
         "miss one best optimum in three, near ones one in two; within 8 rad if joints turn more than twice",
         "RRR, random: the twelve hardest of a hundred pairs; random arms (seeds 341, 383)",
     )
-    guess_duration: float = by_kind(
-        "-", "of that at which a guess's torques fit: from 0.4 RRR takes a tenth fewer iterations, to more optima"
-    )
-    mutated: float = by_kind(
-        "of the guesses", "are mutations of others' optima: one in ten finds what random ones find once in hundreds"
-    )
+    guess_duration: float = by_kind("-", "of that at which a guess's torques fit: from 0.4 RRR goes to more optima")
+    mutated: float = by_kind("of the guesses", "are mutations of optima: one in ten finds what 100 random ones do")
     selection_scale: float = tuned(3.0, "optima", "of the best, about, that are mutated most often, of twice as many")
     midpoint_spread: float = tuned(
         0.3, "times the way", "deviation of all joints at half time; rad or m, and of the logarithm, of swings"
@@ -127,14 +113,10 @@ class GoalPolicy:
     tried: float = tuned(1 / 3, "of the time limit", "for coarse solves of all goals, at most", UNRECORDED)
     slides: int = tuned(25, "linear programs", "for each goal, at most")
     largest_step: float = tuned(0.5, "rad or m", "of any joint, at first and at most; at most of an end that descends")
-    least_step: float = tuned(
-        1e-3, "rad or m", "last step: far below the resolution of coarse solves; a descending end saves its square"
-    )
+    least_step: float = tuned(1e-3, "rad or m", "last step: far below coarse solves; a descending end saves its square")
     others: float = tuned(1e-3, "-", "weight of all joints' times against the slowest's: the other joints stay near")
     end_solves: int = tuned(8, "solves", "of an end that descends along its pose: RRR needs two to six")
-    bound: float = tuned(
-        0.1, "of the time limit", "for the bound of all goals, and of a whole cycle, at least", UNRECORDED
-    )
+    bound: float = tuned(0.1, "of the time limit", "for the bound of all goals, or of a cycle, at least", UNRECORDED)
 
     @property
     def slid(self) -> int:
@@ -174,12 +156,8 @@ class CyclePolicy:
 
     cases: ClassVar = "25/300/25 mm: UR5, Panda, Kinova; Panda, bins and wall"
 
-    turned: int = tuned(
-        100, "joint positions", "of a branch with whole turns of its joints, at most: three ways for each of four"
-    )
-    alike: int = tuned(
-        8, "pairs of branches", "refused for one reason before all of a move are: six axes have eight branches"
-    )
+    turned: int = tuned(100, "joint positions", "of a branch with turns of its joints, at most: 3 ways for each of 4")
+    alike: int = tuned(8, "pairs of branches", "refused alike before all of a move are: six axes have eight branches")
     quick: float = tuned(
         0.5, "of the duration", "that other tours may save when a quick search ends: else most would have to be solved"
     )

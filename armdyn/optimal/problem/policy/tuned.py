@@ -1,7 +1,6 @@
 """Tuned numbers: value, unit, reason, and the cases of the tuning."""
 
-from collections.abc import Iterator
-from dataclasses import field, fields, is_dataclass
+from dataclasses import field
 from typing import Any, TypeVar
 
 Value = TypeVar("Value")
@@ -26,16 +25,3 @@ def tuned(value: Value, unit: str, why: str, cases: str = "") -> Value:
 def by_kind(unit: str, why: str, cases: str = "") -> Any:
     """Field that `Policy.of` sets by the class of the problem."""
     return field(metadata={"unit": unit, "why": why, "cases": cases})
-
-
-def rows(group: object, prefix: str = "") -> Iterator[tuple[str, object, str, str, str]]:
-    """Name, value, unit, reason and cases of every number of a group and its subgroups."""
-    if not is_dataclass(group):
-        raise TypeError(f"{group!r} is no group of numbers")
-    for one in fields(group):
-        value, name = getattr(group, one.name), f"{prefix}{one.name}"
-        if is_dataclass(value):
-            yield from rows(value, f"{name}.")
-        elif one.name != "overrides":
-            about = one.metadata
-            yield name, value, about["unit"], about["why"], about["cases"] or getattr(group, "cases", "")

@@ -9,7 +9,6 @@ import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.optimal.problem.options import Scheme
 from armdyn.optimal.problem.policy.policy import Policy, policy_for
-from armdyn.optimal.problem.policy.tuned import rows
 from armdyn.optimal.problem.task import Task
 from problems import paper_problem
 
@@ -116,11 +115,6 @@ def test_torques_are_constant_unless_a_condition_forbids_jumps():
     options = ad.MinimumTimeOptions(compile=False)
     assert Policy.of(problem("rr jerk")).scheme(options) == Scheme("linear", False)
     assert Policy.of(problem("rr")).scheme(options) == Scheme("constant", False)
-
-
-def test_a_number_is_no_group():
-    with pytest.raises(TypeError, match="no group"):
-        list(rows(1.0))
 
 
 @pytest.mark.parametrize(("effort", "guesses", "optima"), [("quick", 8, 6), ("normal", 24, 6), ("thorough", 120, 30)])
