@@ -22,6 +22,7 @@ from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.checks import LANDING, ROUNDING
 from armdyn.optimal.problem.options import MinimumTimeOptions
+from armdyn.optimal.problem.policy.refinement import PathConstraintPolicy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.verify.arc import runs_of
@@ -35,8 +36,8 @@ from armdyn.trajectory.planned import Planned
 
 BUSY = 0.95
 """Part of a limit above which a torque, from the middle of its range, or a speed makes a joint active."""
-_CELLS = 2000
-"""Least number of cells of the grid on which idleness is measured, besides the trajectory's own samples."""
+_SAMPLES = PathConstraintPolicy.slow_samples
+"""Least number of samples of a checked motion; twice as many cells of the grid on which idleness is measured."""
 
 
 @brief
@@ -148,7 +149,7 @@ def _replay_error(robot: Robot, motion: Trajectory) -> float:
 
 def _growth(robot: Robot, motion: Trajectory) -> float:
     """Open-loop growth, from one or two thousand of the samples: see `MotionCheck`."""
-    few = np.append(np.arange(0, motion.t.size - 1, max(1, motion.t.size // 1000)), motion.t.size - 1)
+    few = np.append(np.arange(0, motion.t.size - 1, max(1, motion.t.size // _SAMPLES)), motion.t.size - 1)
     thin = replace(motion, t=motion.t[few], q=motion.q[few], v=motion.v[few], tau=motion.tau[few])
     return Segments.of(robot, thin, most=1).growth
 
@@ -311,7 +312,7 @@ def _check_joints(robot: Robot, trajectory: Trajectory) -> None:
 
 def _idle_times(limits: JointLimits, motion: Trajectory) -> tuple[Array, tuple[tuple[tuple[float, float], ...], ...]]:
     """Per joint the idle part of the time, shape (nv,), and the idle intervals [s]."""
-    edges = np.union1d(motion.t, np.linspace(motion.t[0], motion.t[-1], _CELLS + 1))
+    edges = np.union1d(motion.t, np.linspace(motion.t[0], motion.t[-1], 2 * _SAMPLES + 1))
     edges = edges[np.append(True, np.diff(edges) > ROUNDING * motion.duration)]
     edges[-1] = motion.t[-1]
     at = motion((edges[:-1] + edges[1:]) / 2)

@@ -186,9 +186,9 @@ class MinimumTimeProblem:
 
     def _repr_parts(self) -> list[str]:
         """Parts of the `repr`."""
-        constraints = f", {', '.join(self.path_constraint_names)}" if self.path_constraint_names else ""
         ends = [f"{name} {several_numbers(getattr(self, f'q_{name}'))}" for name in ("start", "goal")]
-        return [called(self.robot.name), *ends] + ([f"with {constraints[2:]}"] if constraints else [])
+        constraints = ", ".join(self.path_constraint_names)
+        return [called(self.robot.name), *ends, *([f"with {constraints}"] if constraints else [])]
 
     def _repr_html_(self) -> str:
         """A table and a picture, for notebooks."""
