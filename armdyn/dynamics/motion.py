@@ -4,13 +4,14 @@ Explicit steps by Dormand-Prince 8(5,3), with the coefficients of `scipy.integra
 collocation method. Both let go of the interpreter's lock.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.polynomial import legendre
 from scipy.integrate import DOP853
 
 from armdyn.arrays import Array
@@ -26,6 +27,38 @@ _POLLED = 32
 """Samples between two looks at the clock: at most some seconds."""
 _WORTH_A_THREAD = 100
 """Implicit steps that take ten times as long as a thread's start."""
+
+
+class Tableau(NamedTuple):
+    """Butcher tableau of a collocation method.
+
+    The s stages of an interval are x_i = x_k + h Σ_j A_ij f_j, and x_{k+1} = x_k + h Σ_j b_j f_j.
+
+    Attributes:
+        A: coefficients of the stages, shape (s, s).
+        b: weights of the step, shape (s,).
+        c: nodes of the stages in the interval, shape (s,), increasing.
+    """
+
+    A: Array
+    b: Array
+    c: Array
+
+
+def _collocation(c: Array) -> Tableau:
+    """Collocation method at the nodes c: integrates the polynomial through the rates there."""
+    powers = np.arange(c.size)
+    integrals = np.linalg.inv(c[:, None] ** powers)
+    A = (c[:, None] ** (powers + 1) / (powers + 1)) @ integrals
+    A[c == 0] = 0.0  # exact zeros of the node at the interval's start
+    b = A[-1] if c[-1] == 1 else (1 / (powers + 1)) @ integrals
+    return Tableau(A, b, c)
+
+
+LOBATTO_3 = _collocation(np.array([0.0, 0.5, 1.0]))
+"""Three-stage Lobatto IIIA of order 4: Hermite-Simpson, for meshes."""
+GAUSS_3 = _collocation((1 + legendre.leggauss(3)[0]) / 2)
+"""Three-stage Gauss of order 6, for replays: no stage is a knot."""
 
 
 @cache
@@ -125,12 +158,12 @@ class Collocation:
     torque (variational equations; Hairer, Nørsett, Wanner, Solving ODEs I, II.17 and IV.8).
     """
 
-    def __init__(self, robot: Robot, tableau: Sequence[Array], tolerance: float, stalled: float, most: int) -> None:
+    def __init__(self, robot: Robot, tableau: Tableau, tolerance: float, stalled: float, most: int) -> None:
         """Set up integration steps of a robot's equations of motion.
 
         Args:
             robot: the arm.
-            tableau: A, b and c.
+            tableau: coefficients of the method.
             tolerance: error of the stage velocities, relative to 1 and the velocity, by the last two Newton steps.
             stalled: the same where Newton steps no longer halve.
             most: Newton steps.

@@ -1,15 +1,15 @@
-"""Explicit and implicit steps against scipy's integrators and difference quotients."""
+"""Explicit and implicit steps against scipy's integrators and difference quotients; tableaus of collocation."""
 
 import numpy as np
 import pytest
 from scipy.integrate import DOP853, solve_ivp
+from scipy.special import roots_legendre
 
 import armdyn as ad
 from armdyn.dynamics import motion
-from armdyn.dynamics.motion import STAGES, Collocation, Feedback, replayed, tracked
+from armdyn.dynamics.motion import GAUSS_3, LOBATTO_3, STAGES, Collocation, Feedback, replayed, tracked
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.models.values.actuator_limits import ConstantTorque
-from armdyn.optimal.problem.options import GAUSS_3
 from oracles import robot_named
 
 LOOSE = 1e3
@@ -153,3 +153,45 @@ def test_two_threads_make_the_steps_of_one(monkeypatch):
         found.append(steps(np.diff(wanted.t), x, tau, 2))
     for one, both in zip(*found, strict=True):
         np.testing.assert_array_equal(one, both)
+
+
+EVERY = pytest.mark.parametrize(("tableau", "order"), [(LOBATTO_3, 4), (GAUSS_3, 6)], ids=["lobatto", "gauss"])
+
+
+@EVERY
+def test_order_measured_on_a_nonlinear_equation(tableau, order):
+    # x' = x cos t, x = exp(sin t): one Newton-free linear solve per interval, as f is linear in x.
+    def error(n):
+        h, x = 2.0 / n, 1.0
+        for k in range(n):
+            rate = np.cos(k * h + tableau.c * h)
+            stages = np.linalg.solve(np.eye(tableau.c.size) - h * tableau.A * rate, np.full(tableau.c.size, x))
+            x += h * tableau.b @ (rate * stages)
+        return abs(x - np.exp(np.sin(2.0)))
+
+    n = np.array([8, 16, 32])
+    slope = np.polyfit(np.log(n), np.log([error(k) for k in n]), 1)[0]
+    # A regression over two halvings is off the asymptotic order by a few per cent.
+    assert -slope == pytest.approx(order, rel=0.05)
+
+
+def test_nodes_are_scipys():
+    # Half a unit in the last place of numbers below one.
+    np.testing.assert_allclose(GAUSS_3.c, (1 + roots_legendre(3)[0]) / 2, rtol=0, atol=1e-16)
+
+
+@EVERY
+def test_polynomials_are_integrated_exactly(tableau, order):
+    """Hairer, Wanner: Solving ODEs II, section IV.5: C(s), which makes it collocation, and B(order)."""
+    c = tableau.c[:, None]
+    assert np.all(np.diff(tableau.c) > 0)
+    power = np.arange(1, c.size + 1)
+    np.testing.assert_allclose(tableau.A @ c ** (power - 1), c**power / power, atol=1e-14)
+    power = np.arange(1, order + 1)
+    np.testing.assert_allclose(tableau.b @ c ** (power - 1), 1 / power, atol=1e-14)
+
+
+def test_stages_that_are_knots():
+    # Lobatto begins and ends at a knot: the program's equations rely on it.
+    np.testing.assert_array_equal(LOBATTO_3.c, [0.0, 0.5, 1.0])
+    assert not np.any(LOBATTO_3.A[0]) and np.array_equal(LOBATTO_3.A[-1], LOBATTO_3.b)

@@ -21,12 +21,13 @@ import casadi as ca
 import numpy as np
 
 from armdyn.arrays import Index
+from armdyn.dynamics.motion import LOBATTO_3
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once, cached_property
 from armdyn.optimal.constraints.rows import IntervalFunctions, StageRows, differentiated, intervals_of
 from armdyn.optimal.mesh.interval import CollocationInterval, interval_functions, present_body
 from armdyn.optimal.mesh.layout import CondensedLayout, Layout, Parameters
-from armdyn.optimal.problem.options import LOBATTO_3, Scheme
+from armdyn.optimal.problem.options import Scheme
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,11 +4,12 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from armdyn.dynamics.motion import LOBATTO_3
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.optimal.constraints.rows import IntervalFunctions, Stages, differentiated
 from armdyn.optimal.mesh.layout import Layout, Parameters
-from armdyn.optimal.problem.options import LOBATTO_3, Scheme
+from armdyn.optimal.problem.options import Scheme
 
 
 @dataclass(frozen=True)

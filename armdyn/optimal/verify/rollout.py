@@ -11,14 +11,13 @@ import numpy as np
 
 from armdyn.arguments import expect, number, stopper
 from armdyn.arrays import Array
-from armdyn.dynamics.motion import Collocation, replayed
+from armdyn.dynamics.motion import GAUSS_3, Collocation, replayed
 from armdyn.dynamics.numeric import joint_inertia
 from armdyn.errors import TrajectoryError
 from armdyn.models.robots.loads import robots_of
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.problem.checks import LEAST_WAY
-from armdyn.optimal.problem.options import GAUSS_3
 from armdyn.optimal.problem.task import Task
 from armdyn.reprs import joints_of
 from armdyn.trajectory import Trajectory

@@ -2,9 +2,12 @@ from dataclasses import replace
 
 import casadi as ca
 import numpy as np
+import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.sparse.linalg import spsolve
 
 from armdyn.dynamics import Dynamics
 from armdyn.optimal.mesh.assembly import build_nlp, scatter
@@ -71,3 +74,50 @@ def test_scattered_nonzeros_are_a_dense_sum(shape, data):
     matrix = ca.Function("f", [symbols], [scatter(rows, cols, shape, symbols)])(values)
     assert matrix.nnz() == len({*zip(rows, cols, strict=True)})
     np.testing.assert_array_equal(matrix.full(), expected)  # small whole numbers: exact
+
+
+@pytest.fixture(scope="module")
+def swing():
+    """RR from a bent pose at rest with constant torque and for a given time, by DOP853."""
+    robot, tau, duration = paper_arm("rr"), np.array([1.0, -0.3]), 0.2
+    model, data = robot.model, robot.model.createData()
+    q, v = np.array([-1.0, 0.4]), np.zeros(2)
+
+    def rate(t, x):
+        return np.concatenate([x[2:], pin.aba(model, data, x[:2], x[2:], tau)])
+
+    t = np.linspace(0, duration, 65)
+    x = solve_ivp(rate, (0, duration), np.concatenate([q, v]), "DOP853", t_eval=t, rtol=1e-13, atol=1e-14).y.T
+    return robot, Trajectory(t, x[:, :2], x[:, 2:], np.tile(tau, (t.size, 1)))
+
+
+@pytest.mark.parametrize("control", ["constant", "linear"])
+def test_order_measured_through_the_nonlinear_program(control, swing):
+    """With start, duration and torque held fixed the defects are an integrator, and have its order."""
+    robot, exact = swing
+    scheme, dynamics = Scheme(control), Dynamics(robot, free_last_body=True)
+    scales = Scales(exact.duration, 1.0, 10.0, np.array([3.0, 3.0]))
+
+    def error(intervals):
+        nlp = build_nlp(dynamics, scheme, intervals)
+        fractions = np.full(intervals, 1 / intervals)
+        p = scales.parameters(fractions, scales.weights(0.0), dynamics.last_body)
+        x = to_unknowns(exact, nlp.layout, fractions, scales)
+        free = np.ones(x.size, dtype=bool)
+        free[nlp.layout.knots(intervals)[0]] = False  # the state and the duration at the start
+        held = nlp.layout.knots(intervals)[:, nlp.layout.knot.torque]
+        free[held if nlp.layout.linear else nlp.layout.torques(intervals)] = False
+        for _ in range(20):
+            g, jacobian = nlp.jacobian(x, p)
+            step = spsolve(jacobian.sparse()[:, free], np.array(g).ravel())
+            x[free] -= step
+            if np.max(np.abs(step)) < 1e-12:  # the next one is at rounding: Newton's method is quadratic
+                break
+        q, v = x[nlp.layout.states(intervals)[-1]].reshape(2, -1)
+        end = np.concatenate([scales.length * q, scales.speed * v])
+        return np.max(np.abs(end - [*exact.q[-1], *exact.v[-1]]))
+
+    # Asymptotic, and above the 1e-11 to which the motion itself is known.
+    n = np.array([24, 32, 48])
+    slope = np.polyfit(np.log(n), np.log([error(k) for k in n]), 1)[0]
+    assert -slope == pytest.approx(4, rel=0.1)
