@@ -78,7 +78,8 @@ class Task:
         policy = policy or policy_for(problem, options.method)
         stop = Stop() if stop is None else stop  # a stop is false until it stops
         dynamics, mesh = Dynamics(problem.robot, free_last_body=True), policy.search.fine_mesh
-        return cls(problem, dynamics, policy.scheme(options), options, policy, mesh, stop, listener(progress))
+        scheme = Scheme("linear" if policy.program.linear else "constant", options.compile)
+        return cls(problem, dynamics, scheme, options, policy, mesh, stop, listener(progress))
 
     def for_problem(self, problem: MinimumTimeProblem) -> Self:
         """The task for another problem, with the same overrides of the policy."""

@@ -51,18 +51,16 @@ class CurvePolicy:
     velocity_error: float = tuned(
         1e-5,
         "of a velocity limit",
-        "of replays, by an estimate, for the choice of samples and as a reserve: 2e-6 takes 1.35 to 1.6 times as many, "
-        "a twentieth where a motion cannot be slowed down",
-        "Panda, UR5, xArm7, Kinova, TIAGo Pro, pairs 0 to 3 of docs/arms.md; in flight (seed 41)",
+        "of replays, by which samples are chosen, and a reserve; a twentieth where no motion can be slowed down",
+        "Panda, UR5, xArm7, Kinova, TIAGo Pro: 2e-6 takes 1.35 to 1.6 times as many samples; in flight (seed 41)",
     )
     samples: int = tuned(8, "samples", "of an interval, at least; eight times that at most, by the estimate")
     steps: int = tuned(300, "samples", "of a leg, at least")
     finer: tuple[int, ...] = tuned(
         (2, 4, 16),
         "-",
-        "multiply these samples: the first where dry friction jumps, torques may not, or velocity limits do not shape "
-        "the motion; the others in turn where dry friction shakes a joint beyond its jerk limit: durations of 1.1 to "
-        "3.7 become 1.0 to 1.6",
+        "multiply these samples: the first where dry friction jumps, torques may not, or velocity limits do not count; "
+        "then where dry friction exceeds a jerk limit: durations of 1.1 to 3.7 become 1.0 to 1.6",
         "UR5, xArm6, xArm7, random arms (RRR)",
     )
     slower: float = tuned(0.6, "of an excess", "by which a curve is slowed: half suffices for a torque without gravity")
@@ -117,8 +115,7 @@ class SequentialPolicy:
     enough: float = tuned(
         3e-4,
         "of the merit",
-        "change or slowing down that ends an iteration among obstacles, and part of velocity limits by which those of "
-        "two legs that meet may differ; converged ones have 1e-4 at most",
+        "change that ends an iteration, slowing down that ends rounds, jump of speeds at legs",
     )
     free_enough: float = tuned(1e-6, "of the merit", "change that ends the iteration without obstacles", TRAINED)
     smooth: float = tuned(1e-5, "s", "weight of squared accelerations over velocity limits; costs 0.2 %")
@@ -129,9 +126,7 @@ class SequentialPolicy:
 class LivePolicy:
     """Tuned numbers of replanned motions and stops, besides those of the loop and its margins: `SequentialPolicy`."""
 
-    cases: ClassVar = (
-        "Panda, goals moved by up to 0.2 rad or 5 cm: twelve random pairs (seed 1), 200 goals (seeds 4 and 7)"
-    )
+    cases: ClassVar = "Panda, goals moved by 0.2 rad or 5 cm: 12 random pairs (seed 1), 200 goals (seeds 4 and 7)"
 
     intervals: int = tuned(24, "intervals", "of the curve; 28 take a quarter more time for 0.01 % of the duration")
     shortest: float = tuned(5e-3, "of the duration", "first and last interval; 1e-2 is 0.1 % slower")

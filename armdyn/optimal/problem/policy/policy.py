@@ -9,7 +9,6 @@ import numpy as np
 from armdyn.dynamics.numeric import joint_inertia
 from armdyn.errors import ProblemError
 from armdyn.optimal.problem.choices import MethodName
-from armdyn.optimal.problem.options import MinimumTimeOptions, Scheme
 from armdyn.optimal.problem.policy.bound import BoundPolicy
 from armdyn.optimal.problem.policy.curves import TRAINED, CurvePolicy, LivePolicy, SequentialPolicy
 from armdyn.optimal.problem.policy.refinement import (
@@ -32,9 +31,8 @@ class StrategyPolicy:
 
     methods: tuple[MethodName, ...] = by_kind(
         "methods",
-        "tried in turn until an optimum is certified: beyond three joints idle joints leave arcs undetermined, and "
-        "only curves are used; where velocity limits shape the motion a curve is often proven, and comes first; "
-        "profiles are the optimum where rates are limited more than torques, and take a tenth of a second",
+        "tried in turn until an optimum is certified: curves alone beyond three joints, as idle ones leave arcs open, "
+        "and first where velocity limits shape the motion, often proven; profiles first where rates are limited most",
     )
     fallback: tuple[MethodName, ...] = by_kind(
         "methods", "from landed motions if no optimum is usable; a curve needs a motor at every joint", "by definition"
@@ -146,10 +144,6 @@ class Policy:
                 mesh_starts=_by_joints(joints, 1, 4, 12) if rated and motors and not problem.via else 0,
             ),
         )
-
-    def scheme(self, options: MinimumTimeOptions) -> Scheme:
-        """Transcription scheme; torques that may not jump are linear."""
-        return Scheme("linear" if self.program.linear else "constant", options.compile)
 
     def rows(self) -> Iterator[tuple[str, object, str, str, str]]:
         """Name, value, unit, reason and cases of every number."""

@@ -113,8 +113,8 @@ def test_a_number_is_changed_in_a_copy():
 
 def test_torques_are_constant_unless_a_condition_forbids_jumps():
     options = ad.MinimumTimeOptions(compile=False)
-    assert Policy.of(problem("rr jerk")).scheme(options) == Scheme("linear", False)
-    assert Policy.of(problem("rr")).scheme(options) == Scheme("constant", False)
+    assert Task.of(problem("rr jerk"), options).scheme == Scheme("linear", False)
+    assert Task.of(problem("rr"), options).scheme == Scheme("constant", False)
 
 
 @pytest.mark.parametrize(("effort", "guesses", "optima"), [("quick", 8, 6), ("normal", 24, 6), ("thorough", 120, 30)])
