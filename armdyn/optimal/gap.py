@@ -22,7 +22,6 @@ from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.checks import LANDING, ROUNDING
 from armdyn.optimal.problem.options import MinimumTimeOptions
-from armdyn.optimal.problem.policy.refinement import PathConstraintPolicy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.verify.arc import runs_of
@@ -36,7 +35,7 @@ from armdyn.trajectory.planned import Planned
 
 BUSY = 0.95
 """Part of a limit above which a torque, from the middle of its range, or a speed makes a joint active."""
-_SAMPLES = PathConstraintPolicy.slow_samples
+_SAMPLES = 1000
 """Least number of samples of a checked motion; twice as many cells of the grid on which idleness is measured."""
 
 
