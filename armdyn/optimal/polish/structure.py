@@ -9,9 +9,6 @@ from armdyn.arrays import Array, Index
 from armdyn.models.values.actuator_limits import ActuatorLimits
 from armdyn.trajectory import Trajectory
 
-Structure = tuple[tuple[float, ...], tuple[int, ...]]
-"""First signs of the torques, and the joints that switch, in order."""
-
 
 @dataclass(frozen=True, eq=False)
 class Switches:
@@ -56,16 +53,6 @@ class Switches:
         return cls(signs, every[order], np.concatenate(joints)[order], duration)
 
     @property
-    def structure(self) -> Structure:
-        """The switches without their times."""
-        return tuple(self.first.tolist()), tuple(self.joint.tolist())
-
-    @property
-    def by_joint(self) -> list[Array]:
-        """Switching times of each joint [s]."""
-        return [self.times[self.joint == i] for i in range(self.first.size)]
-
-    @property
     def signs(self) -> Array:
         """Signs of the torques in the arcs between switches, shape (K, nv)."""
         turned = np.cumsum(self.joint[:, None] == np.arange(self.first.size), axis=0)
@@ -75,40 +62,6 @@ class Switches:
     def lengths(self) -> Array:
         """Lengths of the arcs [s], shape (K,)."""
         return np.diff(np.concatenate([[0.0], self.times, [self.duration]]))
-
-
-def switches_by(own: Switches, times: Array, switching: Array) -> Switches:
-    """Switches with further ones where the torques have the wrong sign by the costates.
-
-    A torque lowers H where it and its switching function S have opposite signs. Where it does not, an arc on the other
-    limit is inserted: all of a stretch at an end of the motion; within a bang arc a quarter of the stretch; and where S
-    touches zero at a switch, around that switch.
-
-    Args:
-        own: the switches.
-        times: increasing, none of them at a switch [s], shape (m,).
-        switching: S there, shape (m, nv).
-    """
-    first, found = own.first.copy(), list[Array]()
-    for i, switches in enumerate(own.by_joint):
-        signs = first[i] * (-1.0) ** np.searchsorted(switches, times)
-        edges = np.diff(np.pad((signs * switching[:, i] > 0).astype(int), 1))
-        added = list[list[float]]()
-        begins, ends = np.flatnonzero(edges > 0).tolist(), np.flatnonzero(edges < 0).tolist()
-        for k, m in zip(begins, ends, strict=True):
-            begin, end = float(times[max(k - 1, 0)]), float(times[min(m, times.size - 1)])
-            if k == 0:
-                first[i] *= -1
-                added.append([end])
-            elif m == times.size:
-                added.append([begin])
-            else:
-                inside = [one for one in switches.tolist() if begin < one < end]
-                whole = end - begin
-                within = [begin + 3 / 8 * whole, begin + 5 / 8 * whole]
-                added.append([inside[0] - whole / 4, (inside[0] + end) / 2] if inside else within)
-        found.append(np.sort(np.concatenate([switches, *added])))
-    return Switches.ordered(first, found, own.duration)
 
 
 def switches_of(motion: Trajectory, limits: ActuatorLimits, least: float = 0.0) -> Switches:

@@ -14,7 +14,7 @@ def test_arcs_between_the_switches_of_two_joints():
     switches = Switches.ordered(np.array([1.0, -1.0]), [np.array([0.2, 0.6]), np.array([0.5])], 1.0)
     np.testing.assert_array_equal(switches.signs, [[1, -1], [-1, -1], [-1, 1], [1, 1]])
     np.testing.assert_allclose(switches.lengths, [0.2, 0.3, 0.1, 0.4], atol=1e-15)
-    assert [own.tolist() for own in switches.by_joint] == [[0.2, 0.6], [0.5]]
+    assert (switches.times.tolist(), switches.joint.tolist()) == ([0.2, 0.5, 0.6], [0, 1, 0])
 
 
 @pytest.mark.parametrize(
