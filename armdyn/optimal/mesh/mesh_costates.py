@@ -13,8 +13,7 @@ With a weight w on effort H and S have its parts w/2 τᵀτ and w τ, and H fal
 The bound is zero where Pontryagin's conditions hold, and for no other motion. Any ρ and η ≥ 0 give a bound; a linear
 program finds the least one. No solver's multipliers enter, so that motions of any method are judged.
 
-The program has costates at the ends of stretches of some thousandths of the duration; the integral is then evaluated
-over all intervals.
+The program has costates at the knots; the integral is then evaluated by Simpson's rule.
 """
 
 from dataclasses import dataclass
@@ -130,25 +129,6 @@ class _Limits:
 
 
 @dataclass(frozen=True, eq=False)
-class _Segments:
-    """A motion in stretches, for costates r = ρ size at their ends.
-
-    Attributes:
-        ends: knots at the ends of the stretches, shape (G + 1,).
-        propagator: propagator of r from the end of each stretch to its start, shape (G, 2 nv, 2 nv).
-        source_of: stretch, and limit, of each multiplier, shape (2, E).
-        source: contribution of a unit multiplier to r at the stretch's start, shape (E, 2 nv).
-        distance: unit multiplier times the distance from the limit, as a part of the duration, shape (E,).
-    """
-
-    ends: Index
-    propagator: Array
-    source_of: Index
-    source: Array
-    distance: Array
-
-
-@dataclass(frozen=True, eq=False)
 class _StationarityProgram:
     """Pontryagin's conditions as linear inequalities for costates and multipliers.
 
@@ -165,7 +145,7 @@ class _StationarityProgram:
         weight: weights of the squared torques [1/(N m)²], shape (nv,).
         limits: limits that the motion nearly reaches.
         width: widths of the torques' ranges, shape (nv,); 1 without a motor.
-        numbers: lengths of stretches, and distance of near limits.
+        numbers: bound of changes of states, and accuracy of the program.
     """
 
     motion: Shooting
@@ -188,104 +168,63 @@ class _StationarityProgram:
         The unknowns are changes of the motion in boxes; the equations are the linearised dynamics and the distances
         from limits; their marginals are the costates and the multipliers of the limits.
         """
-        segments = self._segments()
-        G, n, E = len(segments.propagator), self.width.size, len(segments.distance)
-        changes, cost, bounds = self._changes(segments)
-        most_change, own = self.numbers.state_bound / self.motion.t[-1], 2 * n * (G + 1)
-        states = np.full((2 * n * G, 2), (-most_change, most_change))
-        spare = segments.distance + most_change * np.abs(segments.source).sum(axis=1)
-        matrix = [changes, _adjoint(segments), sp.hstack([sp.csr_matrix((E, own)), -sp.eye(E)])]
-        order = np.argsort(np.append(np.repeat(np.arange(G + 1), 2 * n), segments.source_of[0]), kind="stable")
+        (K, n), limits, length = self.torque_level.shape[1:], self.limits, np.diff(self.motion.t) / self.motion.t[-1]
+        interval, limit = np.nonzero(limits.near.T)  # of each multiplier
+        source = limits.unit[limit, None] * self.effect[interval, :, limits.state[limit]]
+        distance = length[interval] * (limits.margin[limit, interval] + limits.margin[limit, interval + 1]) / 2
+        E, own, most_change = limit.size, 2 * n * (K + 1), self.numbers.state_bound / self.motion.t[-1]
+        changes, cost, bounds = self._changes(length, own + E)
+        states = np.full((2 * n * K, 2), (-most_change, most_change))
+        spare = distance + most_change * np.abs(source).sum(axis=1)
+        adjoint = _adjoint(self.propagator, interval, source)
+        matrix = sp.vstack([changes, adjoint, sp.hstack([sp.csr_matrix((E, own)), -sp.eye(E)])], format="csr")
+        order = np.argsort(np.append(np.repeat(np.arange(K + 1), 2 * n), interval), kind="stable")
         marginals = np.empty(own + E)
-        program = (
-            sp.vstack(matrix, format="csr")[:, order].T.tocsc(),
-            np.append(np.zeros(own), -segments.distance)[order],
+        _, marginals[order] = marginals_in_boxes(  # any costates give a bound
+            matrix[:, order].T.tocsc(),
+            np.append(np.zeros(own), -distance)[order],
             np.append(cost, np.zeros(len(states) + E)),
             np.concatenate([bounds, states, np.stack([np.zeros(E), spare], axis=1)]),
+            self.numbers.converged,
         )
-        _, marginals[order] = marginals_in_boxes(*program, self.numbers.converged)  # any costates give a bound
         multipliers = np.maximum(marginals[own:], 0.0)
-        costates = _nearest(matrix[1], marginals[:own], multipliers)
-        return self._measured(segments, costates.reshape(G + 1, 2 * n), multipliers)
+        held = np.zeros((K, 2 * n))
+        np.add.at(held, (interval, limits.state[limit]), multipliers * limits.unit[limit])
+        costates = _nearest(adjoint, marginals[:own], multipliers).reshape(K + 1, 2 * n)
+        return self._measured(costates, held, float(multipliers @ distance))
 
-    def _segments(self) -> _Segments:
-        """Merge intervals into stretches of at least a given length."""
-        (_, K, n), h = self.torque_level.shape, np.diff(self.motion.t) / self.motion.t[-1]
-        ends, length = [0], 0.0
-        for k in range(K):
-            length += h[k]
-            if length >= self.numbers.least_spacing or k == K - 1:
-                ends.append(k + 1)
-                length = 0.0
-        first, last, limits = np.array(ends[:-1]), np.array(ends[1:]), self.limits
-        stretch, limit = np.nonzero(np.logical_or.reduceat(limits.near, first, axis=1).T)
-        flow, source = np.tile(np.eye(2 * n), (first.size, 1, 1)), np.zeros((stretch.size, 2 * n))
-        for back in range(1, int(np.max(last - first)) + 1):  # an interval of every stretch, from its end
-            own, of = np.flatnonzero(last - first >= back), np.flatnonzero((last - first)[stretch] >= back)
-            at, j = last[stretch[of]] - back, limit[of]
-            flow[own] = self.propagator[last[own] - back] @ flow[own]
-            acting = np.where(limits.near[j, at], limits.unit[j], 0.0)[:, None] * self.effect[at, :, limits.state[j]]
-            source[of] = np.einsum("eij,ej->ei", self.propagator[at], source[of]) + acting
-        middle = (limits.margin[:, :-1] + limits.margin[:, 1:]) / 2
-        distance = np.add.reduceat(h * limits.near * middle, first, axis=1)[limit, stretch]
-        return _Segments(np.array(ends), flow, np.stack([stretch, limit]), source, distance)
-
-    def _changes(self, segments: _Segments) -> tuple[sp.csr_matrix, Array, Array]:
+    def _changes(self, length: Array, unknowns: int) -> tuple[sp.csr_matrix, Array, Array]:
         """Rows of H and S, with the costs and bounds of the changes of pace and torques.
 
-        The pace changes along every stretch, the torques at its ends, within their range in the adjacent half
-        stretches.
+        The pace changes along every interval, the torques at the knots, within their range in the adjacent halves.
+
+        Args:
+            length: of the intervals, as parts of the duration, shape (K,).
+            unknowns: number of costates and multipliers.
         """
-        G, n = len(segments.propagator), self.width.size
-        t, ends, m = self.motion.t / self.motion.t[-1], segments.ends, 2 * n
-        width, lengths = m * (G + 1) + len(segments.distance), np.diff(t[ends])
-        places = np.repeat(np.arange(G), m), np.arange(G * m)
-        pace = sp.csr_matrix((-self.state_rate[0][ends[:-1]].ravel(), places), shape=(G, width))
-        velocities = (m * np.arange(G + 1)[:, None, None] + n + np.arange(n)) + np.zeros((n, 1), int)
-        places = np.repeat(np.arange(n * (G + 1)), n), velocities.ravel()
-        gain, tau = (np.concatenate([each[0], each[2, -1:]])[ends] for each in (self.switching_gain, self.tau))
-        torques = sp.csr_matrix((-gain.ravel(), places), shape=(n * (G + 1), width))
-        level = self.torque_level[1]
-        falls, rises = (self._about_ends(segments.ends, part) for part in (level, 1 - level))
-        bounds = np.concatenate([lengths[:, None] * (-1, 1), np.stack([-falls.ravel(), rises.ravel()], axis=1)])
+        K, n, level = length.size, self.width.size, self.torque_level[1]
+        places = np.repeat(np.arange(K), 2 * n), np.arange(K * 2 * n)
+        pace = sp.csr_matrix((-self.state_rate[0].ravel(), places), shape=(K, unknowns))
+        velocities = (2 * n * np.arange(K + 1)[:, None, None] + n + np.arange(n)) + np.zeros((n, 1), int)
+        places = np.repeat(np.arange(n * (K + 1)), n), velocities.ravel()
+        gain, tau = (np.concatenate([each[0], each[2, -1:]]) for each in (self.switching_gain, self.tau))
+        torques = sp.csr_matrix((-gain.ravel(), places), shape=(n * (K + 1), unknowns))
+        halves = (np.pad(length[:, None] / 2 * part, ((1, 1), (0, 0))) for part in (level, 1 - level))
+        falls, rises = ((half[:-1] + half[1:]).ravel() for half in halves)
+        bounds = np.concatenate([length[:, None] * (-1, 1), np.stack([-falls, rises], axis=1)])
         cost = 1 + tau[:-1] ** 2 @ self.weight / 2, (self.weight * tau * self.width).ravel()
         return sp.vstack([pace, torques]), np.concatenate(cost), bounds
 
-    def _about_ends(self, ends: Index, share: Array) -> Array:
-        """Integral of shares of the torques' ranges, as parts of the duration, between the middles of the stretches.
+    def _measured(self, scaled: Array, held: Array, near_limits: float) -> MeshCostates:
+        """Costates of the motion, and the violation at each interval's worse end.
 
         Args:
-            ends: knots at the ends of the stretches, shape (G + 1,).
-            share: shares in the intervals, shape (K, nv).
-
-        Returns:
-            Over the halves of the stretches before and after each end, shape (G + 1, nv).
+            scaled: costates at the knots, times the states' sizes, shape (K + 1, 2 nv).
+            held: multipliers of the limits in the intervals, shape (K, 2 nv).
+            near_limits: what changes towards limits that are nearly reached may save.
         """
-        t = self.motion.t / self.motion.t[-1]
-        stretch = np.searchsorted(ends, np.arange(len(share)), side="right") - 1
-        h, middle = np.diff(t), ((t[ends[:-1]] + t[ends[1:]]) / 2)[stretch]
-        before = np.clip(middle - t[:-1], 0.0, h)
-        found = np.zeros((ends.size, share.shape[1]))
-        np.add.at(found, stretch, before[:, None] * share)
-        np.add.at(found, stretch + 1, (h - before)[:, None] * share)
-        return found
-
-    def _measured(self, segments: _Segments, at_ends: Array, multipliers: Array) -> MeshCostates:
-        """Costates at all knots from those at the stretches' ends, and the violation at each interval's worse end.
-
-        Integrals are by Simpson's rule, with the intervals' ends and middles as points.
-        """
-        (_, K, n), motion, h = self.torque_level.shape, self.motion, np.diff(self.motion.t)
-        scaled = np.empty((K + 1, 2 * n))
-        of_interval = np.searchsorted(segments.ends, np.arange(K), side="right") - 1
-        size = np.zeros((len(segments.propagator), len(self.limits.state)))
-        size[tuple(segments.source_of)] = multipliers
-        acting = np.where(self.limits.near.T, size[of_interval] * self.limits.unit, 0.0)
-        held = acting @ (self.limits.state[:, None] == np.arange(2 * n))
+        n, motion, h = self.width.size, self.motion, np.diff(self.motion.t)
         added = np.einsum("kij,kj->ki", self.effect, held)
-        scaled[segments.ends] = at_ends
-        for m in np.setdiff1d(np.arange(K), segments.ends)[::-1]:
-            scaled[m] = self.propagator[m] @ scaled[m + 1] + added[m]
         middle = np.einsum("kij,kj->ki", self.second_half, scaled[1:]) + added / 2
         r, level, part = np.stack([scaled[:-1], middle, scaled[1:]]), self.torque_level, np.array([1, 4, 1]) / 6
         switching = np.einsum("skij,skj->ski", self.switching_gain, r[..., n:]) + self.weight * self.tau * self.width
@@ -311,17 +250,17 @@ class _StationarityProgram:
             switching=np.concatenate([switching[0], switching[2, -1:]]) / self.width,
             held=held,
             missed=missed,
-            saving=float(np.sum(missed) + multipliers @ segments.distance),
+            saving=float(np.sum(missed)) + near_limits,
         )
 
 
-def _adjoint(segments: _Segments) -> sp.csr_matrix:
-    """Rows r_g = A_gᵀ r_{g+1} + sources of all stretches."""
-    (G, m, _), E = segments.propagator.shape, len(segments.source)
-    carried = sp.bsr_matrix((segments.propagator, np.arange(1, G + 1), np.arange(G + 1)), shape=(G * m, (G + 1) * m))
-    rows = m * segments.source_of[0][:, None] + np.arange(m)
-    sources = sp.csc_matrix((segments.source.ravel(), rows.ravel(), m * np.arange(E + 1)), shape=(G * m, E))
-    return sp.hstack([sp.eye(G * m, (G + 1) * m) - carried, -sources], format="csr")
+def _adjoint(propagator: Array, interval: Index, source: Array) -> sp.csr_matrix:
+    """Rows r_k = A_kᵀ r_{k+1} + sources of all intervals; a source's interval and effect, shapes (E,) and (E, 2 nv)."""
+    (K, m, _), E = propagator.shape, len(source)
+    carried = sp.bsr_matrix((propagator, np.arange(1, K + 1), np.arange(K + 1)), shape=(K * m, (K + 1) * m))
+    rows = m * interval[:, None] + np.arange(m)
+    sources = sp.csc_matrix((source.ravel(), rows.ravel(), m * np.arange(E + 1)), shape=(K * m, E))
+    return sp.hstack([sp.eye(K * m, (K + 1) * m) - carried, -sources], format="csr")
 
 
 def _nearest(adjoint: sp.csr_matrix, costates: Array, multipliers: Array) -> Array:
