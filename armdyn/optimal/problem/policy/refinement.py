@@ -109,5 +109,7 @@ class ShootingPolicy:
     held: float = tuned(
         0.1, "of a limit", "distance at which it may be active (of a position, per way); a fifth doubles the saving"
     )
-    state_bound: float = tuned(3.0, "of ways and largest speeds", "bound of changes of states in the linear program for the costates")
+    state_bound: float = tuned(
+        3.0, "of ways and largest speeds", "bound of changes of states in the linear program for the costates"
+    )
     converged: float = tuned(1e-6, "of the duration", "accuracy of that program: 1 % of the certificate's tolerance")
