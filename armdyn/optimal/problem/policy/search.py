@@ -15,9 +15,11 @@ SWINGS = "cart-pole, acrobot, pendubot, Furuta pendulum"
 class ProgramPolicy:
     """Tuned numbers of the nonlinear program and of IPOPT."""
 
-    cases: ClassVar = "by definition"
+    cases: ClassVar = "RR and RRR, random; with rows RR and Panda"
 
-    linear: bool = by_kind("-", "torque linear between knots: jumps are forbidden, or the limits fall with speed")
+    linear: bool = by_kind(
+        "-", "torque linear between knots: it may not jump, or limits fall with speed", "by definition"
+    )
     condensed: bool = by_kind("-", "without the interval's middle: half the unknowns, without path constraints")
     flat: float | None = by_kind("scaled", "IPOPT's error at which it may stop: rows make the minimum flat")
     near_limit: float = tuned(
