@@ -70,6 +70,11 @@ class Attempt:
         return self.trajectory(t[0] + np.array([0.25, 0.5, 0.75]) * (t[-1] - t[0])).q
 
     @property
+    def ended_early(self) -> bool:
+        """Whether the solver ended within its acceptable level, where the motion hardly became better."""
+        return self.message == "Solved To Acceptable Level"
+
+    @property
     def usable(self) -> bool:
         """Whether the attempt converged, so that it is a motion of the arm."""
         return self.status is Status.SOLVED

@@ -15,7 +15,7 @@ from armdyn.arrays import Array
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.mesh.candidates import SearchResult, find
 from armdyn.optimal.mesh.direct import Attempt, solve_on_mesh
-from armdyn.optimal.mesh.motion_mesh import finer_knots, mesh_optimum, on_finer_meshes
+from armdyn.optimal.mesh.motion_mesh import MeshWork, finer_knots, mesh_optimum, on_finer_meshes
 from armdyn.optimal.mesh.multistart import distinct
 from armdyn.optimal.mesh.shooting import replay_on_goal
 from armdyn.optimal.polish.polish import polished
@@ -47,25 +47,34 @@ def mesh(task: Task, rough: Callable[[Task], Sequence[Trajectory]]) -> tuple[lis
 def _best_first(task: Task, attempts: Sequence[Attempt]) -> list[Optimum]:
     """The optima near solutions, best first, until the others cost more."""
     numbers, limited = task.policy.same, bool(task.problem.path_constraint_names)
+    # In sequence optima share their motions: most of the work where velocity limits are met.
+    alone = bool(np.any(np.isfinite(task.problem.limits.velocity)))
+    shared = MeshWork(task.policy)
     optima, cutoff = list[Optimum](), np.inf
     task.progress(f"optimum 1 of {len(attempts)}, about {attempts[0].trajectory.duration:.4f} s")
-    jobs = [partial(_keeping_constraints if limited else _optimum, task, one) for one in attempts]
-    for k, optimum in enumerate(in_processes(jobs, task.workers, first_here=True)):
+    jobs = [
+        partial(_keeping_constraints, task, one)
+        if limited
+        else partial(_optimum, task, one, shared if alone else MeshWork(task.policy))
+        for one in attempts
+    ]
+    for k, optimum in enumerate(in_processes(jobs, 1 if alone else task.workers, first_here=True)):
         optima.append(optimum)
         if optimum.usable:
+            shared.best = min(shared.best, optimum.cost)
             coarse, cost = attempts[k].cost, optimum.cost
             known = limited or optimum.certificate.ok
             sure = coarse + numbers.error_factor * abs(coarse - cost) if known else np.inf
             cutoff = min(cutoff, sure, numbers.slower * cost)
         left = attempts[k + 1 :]
-        if left and (task.stop or left[0].cost > cutoff):
+        if left and (task.stop or left[0].cost > cutoff or shared.left <= 0):
             break
         if left:
             task.progress(f"optimum {k + 2}, about {left[0].trajectory.duration:.4f} s")
     return optima
 
 
-def _optimum(task: Task, attempt: Attempt) -> Optimum:
+def _optimum(task: Task, attempt: Attempt, work: MeshWork) -> Optimum:
     """Best motion near a mesh's solution: its bang arcs, else the resolved mesh's motion or its bang arcs."""
     if not attempt.usable:
         last, why = attempt.trajectory, f"did not converge on {attempt.intervals} intervals ({attempt.message})"
@@ -77,7 +86,7 @@ def _optimum(task: Task, attempt: Attempt) -> Optimum:
     exact = partial(_exact, task)
     if (found := exact(attempt)) is not None:
         return found
-    motion = mesh_optimum(task, attempt, exact)
+    motion = mesh_optimum(task, attempt, work, exact)
     if motion is not None and motion.phases is not None:
         return motion
     if motion is None or not motion.within_limits:

@@ -5,7 +5,7 @@ jumps off their limits and along limits of velocity and position, where also the
 ones where they bend or jump.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,9 +14,11 @@ from armdyn.arrays import Array, Flags, Index
 from armdyn.optimal.mesh.condensed import solve_on_knots
 from armdyn.optimal.mesh.direct import Attempt
 from armdyn.optimal.mesh.mesh_costates import MeshCostates, mesh_costates
+from armdyn.optimal.mesh.multistart import distinct
 from armdyn.optimal.mesh.shooting import Shooting, gaps, landed
 from armdyn.optimal.mesh.unknowns import mesh
 from armdyn.optimal.problem.options import Acceptable, SolverSettings
+from armdyn.optimal.problem.policy.policy import Policy
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import LIMIT_TOLERANCE, OPTIMALITY_TOLERANCE, repeated
 from armdyn.optimal.verify.costates import idle_joints
@@ -27,17 +29,46 @@ from armdyn.reprs import percent
 from armdyn.trajectory import Trajectory
 
 
+class MeshWork:
+    """What one problem's meshes have in common: a budget, and the motions so far, which are refined once.
+
+    Attributes:
+        left: intervals times iterations left in the budget, the same on every machine.
+        best: cost of the best usable motion; infinite: none.
+    """
+
+    def __init__(self, policy: Policy) -> None:
+        self.left, self.best, self._policy = float(policy.motion_mesh.work), np.inf, policy
+        self._known: list[tuple[Sequence[Attempt], Optimum | None]] = []
+
+    def add(self, meshes: Sequence[Attempt], optimum: Optimum | None) -> None:
+        """Record the result of solutions on successive meshes; None: no result."""
+        self._known.append((meshes, optimum))
+
+    def known(self, meshes: Sequence[Attempt]) -> tuple[Optimum | None] | None:
+        """The result of solutions of which one was the same on the last of these meshes; None: there are none."""
+        same, k = self._policy.same, len(meshes) - 1
+        for others, optimum in self._known:
+            if k < len(others) and len(distinct([others[k], meshes[k]], same.resolved, same.distance)) == 1:
+                return (optimum,)
+        return None
+
+    def beats(self, mesh: Attempt) -> bool:
+        """Whether the best usable motion is better by more than a finer mesh may gain."""
+        return mesh.cost > (1 + self._policy.motion_mesh.abandoned) * self.best
+
+
 class _Meshes:
     """Solver of meshes with small margins of the velocity limits, within a budget of work.
 
     Attributes:
         task: the problem and its settings.
-        left: intervals times iterations left in the budget, the same on every machine.
+        work: the problem's budget.
         tie: weight of full torques in the last solution, see `Scales.weights`.
     """
 
-    def __init__(self, task: Task) -> None:
-        self.task, self.left, self.tie = task, float(task.policy.motion_mesh.work), 0.0
+    def __init__(self, task: Task, work: MeshWork) -> None:
+        self.task, self.work, self.tie = task, work, 0.0
 
     def finer(self, attempt: Attempt) -> Iterator[Attempt]:
         """Rough solutions of one optimum on successively finer meshes."""
@@ -50,7 +81,7 @@ class _Meshes:
             return self._solved(within, guess, knots, rough if begins else self._settings(rough=True))
 
         def finer(one: Attempt) -> Array:
-            return finer_knots(within, one) if self.left > 0 else one.mesh
+            return finer_knots(within, one) if self.work.left > 0 else one.mesh
 
         first = finer(attempt) if self.task.scheme.control == "linear" else mesh(4 * self.task.policy.search.fine_mesh)
         yield from on_finer_meshes(self.task, attempt, first, solve, finer)
@@ -63,7 +94,7 @@ class _Meshes:
             knots: knots of the mesh, the attempt's or others, shape (N + 1,).
             margins: margins; None: none.
         """
-        if self.task.stop or self.left <= 0 or knots.size > self.task.policy.motion_mesh.most:
+        if self.task.stop or self.work.left <= 0 or knots.size > self.task.policy.motion_mesh.most:
             return None
         within = self._within(margins or MeshMargins())
         found = self._solved(within, attempt.trajectory, knots, self._settings())
@@ -88,7 +119,7 @@ class _Meshes:
     def _solved(self, task: Task, guess: Trajectory, knots: Array, settings: SolverSettings) -> Attempt:
         """Result of one solve on a mesh."""
         found = solve_on_knots(task, guess, knots, settings, 0.0 if task.problem.pays_effort else self.tie)
-        self.left -= found.iterations * (knots.size - 1)
+        self.work.left -= found.iterations * (knots.size - 1)
         return found
 
     def _within(self, margins: MeshMargins) -> Task:
@@ -180,26 +211,33 @@ def _in_parts(knots: Array, counts: Index) -> Array:
     return np.append(knots[own] + np.diff(knots)[own] * (part / counts[own]), knots[-1])
 
 
-def mesh_optimum(task: Task, attempt: Attempt, exact: Callable[[Attempt], Optimum | None]) -> Optimum | None:
+def mesh_optimum(
+    task: Task, attempt: Attempt, work: MeshWork, exact: Callable[[Attempt], Optimum | None]
+) -> Optimum | None:
     """Resolved motion of a mesh, landed by multiple shooting, with the bound on its first-order saving.
 
     Args:
         task: the problem and its settings.
         attempt: a solution near the motion.
+        work: budget of the problem, and its motions so far; extended here.
         exact: maps a solution on a mesh to the exact motion near it, if there is one.
 
     Returns:
-        The exact motion, or the mesh's; None if no mesh converges, or the motion does not land.
+        The exact motion, or the mesh's; None if no mesh converges, the motion does not land, or a usable one is much
+        better.
     """
-    meshes, last = _Meshes(task), None
+    meshes, tried, best = _Meshes(task, work), list[Attempt](), None
     for rough in meshes.finer(attempt):
-        if last is not None and (found := exact(rough)) is not None:
-            return found
-        last = rough
-    if last is None:
-        return None
-    last = meshes.sharp(last, last.mesh) or last
-    return exact(last) or _divided_until_certified(meshes, last)
+        tried.append(rough)
+        if (known := work.known(tried)) is not None:
+            return known[0]
+        if len(tried) > 1 and (work.beats(rough) or (best := exact(rough)) is not None):
+            break
+    else:
+        last = (meshes.sharp(tried[-1], tried[-1].mesh) or tried[-1]) if tried else None
+        best = None if last is None else exact(last) or _divided_until_certified(meshes, last)
+    work.add(tried, best)
+    return best
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,9 +270,9 @@ def _divided_until_certified(meshes: _Meshes, mesh: Attempt) -> Optimum | None:
         if divided is None or found is None or found.saving > max(best.saving, OPTIMALITY_TOLERANCE):
             break
         mesh, best = divided, found
-    early = not task.problem.pays_effort and best.saving > OPTIMALITY_TOLERANCE / 5
+    early = mesh.ended_early and best.saving > OPTIMALITY_TOLERANCE / 5
     if best.optimum.certificate.ok and early and (again := meshes.sharp(mesh, mesh.mesh)) is not None:
-        found = _judged(task, again)  # the solve before ended where it hardly became faster
+        found = _judged(task, again)
         if found is not None and found.optimum.certificate.ok and found.optimum.cost < best.optimum.cost:
             best = found
     return best.optimum

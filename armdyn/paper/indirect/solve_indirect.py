@@ -21,7 +21,7 @@ from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.mesh.candidates import find
 from armdyn.optimal.mesh.direct import Attempt
 from armdyn.optimal.mesh.mesh_costates import mesh_costates
-from armdyn.optimal.mesh.motion_mesh import mesh_optimum
+from armdyn.optimal.mesh.motion_mesh import MeshWork, mesh_optimum
 from armdyn.optimal.mesh.shooting import landed
 from armdyn.optimal.mesh.starts import spline
 from armdyn.optimal.problem.options import MinimumTimeOptions
@@ -210,7 +210,7 @@ def _seeds(task: _IndirectTask, seed: Solution | None) -> Iterator[_Seed]:
 
 def _costates(task: Task, attempt: Attempt) -> Costates | None:
     """Costates of the time-energy optimum near a mesh's solution, or of that solution; None: it does not land."""
-    optimum = mesh_optimum(task, attempt, lambda mesh: None)
+    optimum = mesh_optimum(task, attempt, MeshWork(task.policy), lambda mesh: None)
     if optimum is not None and optimum.costates is not None:
         return optimum.costates
     motion = landed(task, attempt)

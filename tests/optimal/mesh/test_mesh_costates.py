@@ -14,7 +14,7 @@ import armdyn as ad
 from armdyn.optimal.mesh.candidates import find
 from armdyn.optimal.mesh.direct import solve_on_mesh
 from armdyn.optimal.mesh.mesh_costates import mesh_costates
-from armdyn.optimal.mesh.motion_mesh import _Meshes, mesh_optimum
+from armdyn.optimal.mesh.motion_mesh import MeshWork, _Meshes, mesh_optimum
 from armdyn.optimal.mesh.shooting import Shooting, landed
 from armdyn.optimal.problem.options import SolverSettings
 from armdyn.optimal.problem.task import Task
@@ -39,7 +39,7 @@ def attempted(problem):
 
 def resolved(task, attempt):
     """Optimum that the meshes of an attempt are resolved to."""
-    return mesh_optimum(task, attempt, lambda mesh: None)
+    return mesh_optimum(task, attempt, MeshWork(task.policy), lambda mesh: None)
 
 
 @cache
@@ -52,7 +52,7 @@ def of(problem, **mesh):
     """A task, its first optimum's motion and its costates."""
     task, coarse = attempted(problem)
     task = replace(task, policy=task.policy.changed("motion_mesh", **mesh))
-    meshes = _Meshes(task)
+    meshes = _Meshes(task, MeshWork(task.policy))
     *_, finest = meshes.finer(coarse)
     motion = landed(task, meshes.sharp(finest, finest.mesh))
     replay = replay_of(task, motion.trajectory(problem.robot.joint_names))

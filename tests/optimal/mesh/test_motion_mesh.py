@@ -9,11 +9,12 @@ import armdyn as ad
 from armdyn.optimal.mesh import motion_mesh
 from armdyn.optimal.mesh.candidates import find
 from armdyn.optimal.mesh.direct import Attempt
-from armdyn.optimal.mesh.motion_mesh import _Meshes, finer_knots, mesh_optimum
+from armdyn.optimal.mesh.motion_mesh import MeshWork, _Meshes, finer_knots, mesh_optimum
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import repeated
 from armdyn.optimal.verify.optimum import MeshMargins
+from armdyn.optimal.verify.within_limits import paced
 from armdyn.trajectory import Trajectory
 from problems import cart, paper_arm
 
@@ -29,9 +30,9 @@ def task_of(**numbers):
     return replace(task, policy=task.policy.changed("motion_mesh", **numbers))
 
 
-def optimum_of(task):
+def optimum_of(task, work=None):
     """Optimum that the meshes of the first guess's optimum are resolved to."""
-    return mesh_optimum(task, find(task).attempts[0], lambda mesh: None)
+    return mesh_optimum(task, find(task).attempts[0], work or MeshWork(task.policy), lambda mesh: None)
 
 
 @pytest.mark.slow
@@ -51,6 +52,37 @@ def test_a_reserve_of_velocity_is_a_lower_velocity_limit():
     lower, reserved = optima
     assert reserved.certificate.ok
     assert reserved.trajectory.duration == pytest.approx(lower.trajectory.duration, rel=1e-8)  # of the interior point
+
+
+@pytest.mark.slow
+def test_a_motion_is_resolved_once():
+    task = task_of()
+    work = MeshWork(task.policy)
+    first, after = optimum_of(task, work), work.left
+    assert optimum_of(task, work) is first
+    assert task.policy.motion_mesh.work - after > 10 * (after - work.left) > 0
+
+
+@pytest.mark.slow
+def test_a_motion_is_recognised_on_its_second_mesh():
+    task = task_of(rounds=2)
+    work = MeshWork(task.policy)
+    first, second = _Meshes(task, work).finer(find(task).attempts[0])
+    slower = replace(first, trajectory=paced(first.trajectory, 1.01))
+    work.add((first, second), None)
+    assert work.known((first,)) == (None,)
+    assert work.known((slower,)) is None
+    assert work.known((slower, second)) == (None,)
+    assert work.known((slower, slower)) is None
+
+
+def test_a_mesh_that_a_usable_motion_beats_by_far_is_given_up():
+    task = task_of()
+    work = MeshWork(task.policy)
+    work.best = 0.9 * optimum_of(task_of(work=0)).trajectory.duration
+    assert optimum_of(task, work) is None
+    first, second = 160, 3 * 160 + 160  # intervals; the second mesh was the last one
+    assert task.policy.motion_mesh.work - work.left < 100 * (first + second)
 
 
 def test_without_work_left_one_mesh_is_solved():
@@ -80,10 +112,10 @@ def test_a_motion_that_no_integrator_repeats_is_not_certified(monkeypatch):
 def test_a_divided_mesh_stays_within_position_limits_by_the_excess():
     folded = FAST.variant(velocity_limit=30.0, position_limit=([-2.6, -1.6], [2.1, 1.1]))
     task = Task.of(folded, ad.MinimumTimeOptions(starts=4, workers=1))
-    within = _Meshes(task)._within(MeshMargins(position=1e-3)).problem.limits
+    within = _Meshes(task, MeshWork(task.policy))._within(MeshMargins(position=1e-3)).problem.limits
     assert within.position_lower == pytest.approx([-2.6 + 4.7e-3, -1.6 + 2.7e-3])
     assert within.position_upper == pytest.approx([2.1 - 4.7e-3, 1.1 - 2.7e-3])
-    wide = _Meshes(task)._within(MeshMargins(position=0.1)).problem.limits
+    wide = _Meshes(task, MeshWork(task.policy))._within(MeshMargins(position=0.1)).problem.limits
     assert np.all(wide.position_lower <= folded.q_start) and np.all(wide.position_upper >= folded.q_goal)
 
 
@@ -107,14 +139,14 @@ def test_margins_leave_ends_in_flight_their_positions():
 def test_a_mesh_without_position_limits_stays_without(margin):
     endless = FAST.variant(position_limit=(-np.inf, [np.inf, 2.0]))
     task = Task.of(endless, ad.MinimumTimeOptions(starts=4, workers=1))
-    within = _Meshes(task)._within(MeshMargins(position=margin)).problem.limits
+    within = _Meshes(task, MeshWork(task.policy))._within(MeshMargins(position=margin)).problem.limits
     assert within.position_lower.tolist() == [-np.inf, -np.inf]
     assert within.position_upper.tolist() == [np.inf, 2.0 - margin]
 
 
 def test_intervals_are_divided_on_both_sides_of_a_switch():
     task = task_of(rounds=1, gap=1.0, velocity_excess=1.0)  # of switches alone
-    first, *_ = _Meshes(task).finer(find(task).attempts[0])
+    first, *_ = _Meshes(task, MeshWork(task.policy)).finer(find(task).attempts[0])
     middles = (first.mesh[:-1] + first.mesh[1:]) / 2
     torques = first.trajectory(first.trajectory.duration * middles).tau / FAST.limits.actuators.scale
     switches = np.flatnonzero(np.any(np.abs(np.diff(torques, axis=0)) > 0.5, axis=1))
@@ -124,13 +156,13 @@ def test_intervals_are_divided_on_both_sides_of_a_switch():
 
 def test_the_last_mesh_is_solved_sharply():
     task = task_of(rounds=2)
-    meshes = _Meshes(task)
+    meshes = _Meshes(task, MeshWork(task.policy))
     *_, rough = meshes.finer(find(task).attempts[0])
     sharp = meshes.sharp(rough, rough.mesh)
     assert np.array_equal(sharp.mesh, rough.mesh)
     # The rough one's barrier keeps every torque off its limits, which costs 1e-8 for each of 2,000 bounds at least.
     assert 1e-6 < rough.trajectory.duration / sharp.trajectory.duration - 1 < 1e-4
-    assert _Meshes(task_of(work=0)).sharp(rough, rough.mesh) is None
+    assert _Meshes(task, MeshWork(task_of(work=0).policy)).sharp(rough, rough.mesh) is None
 
 
 def test_linear_torques_are_divided_where_they_bend_or_jump():

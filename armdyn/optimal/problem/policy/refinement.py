@@ -41,7 +41,8 @@ class MotionMeshPolicy:
         "of 1 for time",
         "of full torques, for idle joints; after the first mesh the second: a quarter of the iterations",
     )
-    work: int = tuned(700_000, "intervals", "times iterations of one optimum, then no mesh is begun: 5 CPU s for RRR")
+    work: int = tuned(700_000, "intervals", "times iterations of a problem, then no mesh is begun: 5 CPU s for RRR")
+    abandoned: float = tuned(5e-4, "of the best cost", "excess that ends a mesh: the second is accurate to 2e-4")
     further_meshes: int = tuned(4, "meshes", "divided where the motion is not yet certified, at most")
 
 
