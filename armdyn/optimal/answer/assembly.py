@@ -1,7 +1,7 @@
 """From optima to a solution: choice among them, status and message; of several goals the fastest solution."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -15,7 +15,7 @@ from armdyn.optimal.bound.lower_bound import least_duration
 from armdyn.optimal.curves.goals import GoalResult, screened
 from armdyn.optimal.mesh.candidates import SearchResult
 from armdyn.optimal.mesh.multistart import grouped, within
-from armdyn.optimal.problem.policy.search import GoalPolicy
+from armdyn.optimal.problem.policy.search import GoalPolicy, SamePolicy
 from armdyn.optimal.problem.status import Status, Stop, stopping
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, Certificate
@@ -61,7 +61,7 @@ def assembled(
         arcs=best.arcs,
         phases=best.phases,
         costates=best.costates,
-        local_optima=_others(task, duration, known, found.listed),
+        local_optima=_others(task.policy.same, duration, known, found.listed),
         intervals=best.intervals,
         iterations=found.iterations + sum(optimum.iterations for optimum in optima),
         solve_time=elapsed,
@@ -108,15 +108,15 @@ def _chosen(task: Task, optima: list[Optimum], bound: float | None) -> tuple[Opt
     may miss the goal or exceed limits: then the next one is completed, too. So are those as fast as a best one that is
     not certified: a certified one of them is preferred.
     """
-    left, completed = sorted(optima, key=_order), list[Optimum]()
+    left, completed, same = sorted(optima, key=_order), list[Optimum](), task.policy.same.resolved
     while left:
         best = min(completed, key=_order, default=None)
-        doubtful = best is not None and not best.certificate.ok and _alike(task, left[0], best)
+        doubtful = best is not None and not best.certificate.ok and _alike(left[0], best, same)
         if best is not None and _order(best) <= _order(left[0]) and not doubtful:
             break
         completed.append(_completed(task, left.pop(0), bound))
     best = min(completed, key=_order)
-    best = min((one for one in completed if _alike(task, one, best)), key=lambda one: not one.certificate.ok)
+    best = min((one for one in completed if _alike(one, best, same)), key=lambda one: not one.certificate.ok)
     return best, [one for one in (*completed, *left) if one is not best]
 
 
@@ -137,9 +137,9 @@ def _order(optimum: Optimum) -> tuple[bool, bool, bool, float]:
     return *_rank(optimum), optimum.cost
 
 
-def _alike(task: Task, optimum: Optimum, best: Optimum) -> bool:
+def _alike(optimum: Optimum, best: Optimum, same: float) -> bool:
     """Whether an optimum is as good as the best one, but for rounding."""
-    return _rank(optimum) <= _rank(best) and optimum.cost <= (1 + task.policy.same.resolved) * best.cost
+    return _rank(optimum) <= _rank(best) and optimum.cost <= (1 + same) * best.cost
 
 
 def _moves(optimum: Optimum) -> bool:
@@ -170,9 +170,8 @@ def ended_by_time(limit: float) -> str:
     return f"the time limit of {limit:g} s ended the search"
 
 
-def _others(task: Task, best: float, known: Iterable[float], listed: Iterable[float]) -> tuple[float, ...]:
+def _others(same: SamePolicy, best: float, known: Sequence[float], listed: Iterable[float]) -> tuple[float, ...]:
     """Durations of the other optima [s], distinct and increasing; a coarse one near a more accurate one is dropped."""
-    same, known = task.policy.same, list(known)
     more = [d for d in listed if all(abs(d / own - 1) > 4 * same.coarse for own in known)]
     groups = grouped([best, *sorted((*known, *more))], within(same.resolved))
     return tuple(float(group[0]) for group in groups[1:])
