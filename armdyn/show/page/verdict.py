@@ -77,7 +77,8 @@ def tiles_of(facts: Facts, duration: float, sliding: Sequence[bool]) -> list[Til
             tiles.append(Tile("nearest", f"{1e3 * distance:.1f} mm", where))
         others = [x for x in facts.numbers("local_optima") if x is not None]
         if others:
-            tiles.append(Tile("other optima met", str(len(others)), f"the next one takes {seconds(min(others))}"))
+            next_one = "the fastest of them" if facts.true("pays_effort") else "the next one"  # by J it may be another
+            tiles.append(Tile("other optima met", str(len(others)), f"{next_one} takes {seconds(min(others))}"))
     if "steps" in facts:
         tiles += _cycle_tiles(facts, duration)
     way = joint_unit(sliding)

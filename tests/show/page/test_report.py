@@ -317,3 +317,9 @@ def test_other_optima_say_what_they_are_compared_by_and_their_differences_in_per
     said = " ".join(text_of(section.body).split())
     assert words in said
     assert all(one in said for one in ("0.1800 s -10 %", "0.2200 s +10 %", "0.4400 s +120 %")), said
+
+
+@pytest.mark.parametrize(("effort", "words"), [(False, "the next one takes"), (True, "the fastest of them takes")])
+def test_the_next_optimum_is_the_fastest_only_where_time_alone_is_paid(effort, words):
+    notes = [tile.note for tile in tiles_of(judged(pays_effort=effort)[1].facts, 0.21, [False, False])]
+    assert f"{words} 0.2125 s" in notes
