@@ -22,7 +22,7 @@ import pinocchio as pin
 import armdyn as ad
 from armdyn.errors import ArmdynError, ArmdynWarning
 from armdyn.models.robots.library import LIBRARY_ARMS
-from armdyn.optimal.curves.equations import torque_equations
+from armdyn.optimal.curves.program import torque_equations
 
 EFFORT = 10.0
 """Where a URDF has no torque limit [N m or N]."""

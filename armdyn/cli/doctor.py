@@ -82,7 +82,7 @@ def doctor(
         facts["policy"] = policy_facts(rows)
         shown.append(policy_table(arm.name, rows))
     if build:
-        from armdyn.optimal.curves.equations import torque_equations
+        from armdyn.optimal.curves.program import torque_equations
 
         started = time.perf_counter()
         with working(f"machine code of {arm.name}"):

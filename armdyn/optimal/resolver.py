@@ -18,9 +18,9 @@ from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.answer.solution import Solution, without_motion
 from armdyn.optimal.curves.curve import CurveLeg
+from armdyn.optimal.curves.layout import TorqueMargin
 from armdyn.optimal.curves.live import Guess, LiveProblem, acceleration_limits, improve
 from armdyn.optimal.curves.live_stopping import LastMotion, at_rest, fallback, rest_of_last
-from armdyn.optimal.curves.nlp_data import TorqueMargin
 from armdyn.optimal.problem.checks import ROUNDING, check_every_joint_has_motor
 from armdyn.optimal.problem.policy.policy import Policy
 from armdyn.optimal.problem.problem import MinimumTimeProblem

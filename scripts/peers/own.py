@@ -3,7 +3,7 @@
 from protocol import INTERVALS, Answer, main
 
 import armdyn as ad
-from armdyn.optimal.curves.equations import torque_equations
+from armdyn.optimal.curves.program import torque_equations
 from armdyn.optimal.curves.refinement import refine_curve, sampled
 from armdyn.optimal.curves.solve import straight_curve
 from armdyn.optimal.mesh.condensed import prepare_quickly, solve_quickly

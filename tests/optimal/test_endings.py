@@ -14,7 +14,8 @@ from armdyn.codegen.deadline import NoTimeError, until
 from armdyn.optimal.answer.assembly import assembled
 from armdyn.optimal.answer.solution import minimum_time_summary
 from armdyn.optimal.answer.words import solution_words, title_words
-from armdyn.optimal.curves.program import CurveLayout, build
+from armdyn.optimal.curves.layout import CurveLayout
+from armdyn.optimal.curves.program import build
 from armdyn.optimal.problem.status import Stop
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import certify

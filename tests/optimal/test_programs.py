@@ -10,7 +10,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError
-from armdyn.optimal.curves.nlp_data import CurveSpec
+from armdyn.optimal.curves.layout import CurveSpec
 from armdyn.optimal.curves.solve import solve_curve, straight_curve
 from armdyn.optimal.mesh.direct import solve_on_mesh
 from armdyn.optimal.mesh.starts import spline

@@ -14,8 +14,8 @@ import armdyn as ad
 from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.optimal import resolver as live_resolver
 from armdyn.optimal.curves import live
+from armdyn.optimal.curves.layout import TorqueMargin
 from armdyn.optimal.curves.live import LiveProblem, SampledCurve
-from armdyn.optimal.curves.nlp_data import TorqueMargin
 from armdyn.optimal.problem.policy.policy import Policy
 from armdyn.trajectory.interpolation import cubic_accelerations
 from problems import CART, paper_arm

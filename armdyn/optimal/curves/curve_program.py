@@ -1,11 +1,10 @@
-"""Program of curves: rows linear in its unknowns, linearised at an iterate, and the quadratic program of a step there.
+"""Program of curves for sequential convexification: its cost, and its rows linearised at an iterate.
 
 Torques are eliminated: they are functions of control points and durations.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Self
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -13,10 +12,22 @@ from numpy.typing import NDArray
 
 from armdyn.arrays import Array, Flags, Index
 from armdyn.locks import cached_property
-from armdyn.optimal.curves.convex_step import ConvexStep, SoftRows
-from armdyn.optimal.curves.linear_rows import ClearanceRows, DerivativeRows, Linearised, Sides, TorqueParts, TorqueRows
-from armdyn.optimal.curves.program import CurveLayout
+from armdyn.optimal.curves.curve import Curve
+from armdyn.optimal.curves.layout import POINTS, CurveLayout, CurveSpec, finite, rate_limits
+from armdyn.optimal.curves.linear_rows import (
+    ClearanceRows,
+    DerivativeRows,
+    Linearised,
+    Sides,
+    TorqueParts,
+    TorqueRows,
+    clearance_rows,
+)
+from armdyn.optimal.curves.nlp_data import travel_scales
+from armdyn.optimal.curves.program import build, rows_of
 from armdyn.optimal.mesh.assembly import Program
+from armdyn.optimal.mesh.ipopt import NlpData
+from armdyn.optimal.problem.task import Task
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,24 +155,6 @@ class OtherRows:
         return Sides(jacobian, np.array(g).ravel()[self.which], self.bounds)
 
 
-@dataclass(frozen=True)
-class Prices:
-    """Prices of violations.
-
-    Attributes:
-        row: price of a torque beyond its limit by half its range, the largest at every point, and of another row beyond
-            its bound by its scale [s].
-        distance: price of a distance below the required one, the largest at every pose [s/m].
-    """
-
-    row: float
-    distance: float
-
-    def times(self, factor: float) -> Self:
-        """The prices, raised by a factor."""
-        return replace(self, row=factor * self.row, distance=factor * self.distance)
-
-
 @dataclass(frozen=True, eq=False)
 class Iterate:
     """A curve at which all rows are linearised.
@@ -180,18 +173,19 @@ class Iterate:
     sides: tuple[Sides, ...]
     distances: Linearised | None
 
-    def penalties(self, limits: tuple[Array, Array], prices: Prices) -> tuple[float, float, float]:
-        """Priced violations of torques, distances and other rows [s].
+    def violations(self, limits: tuple[Array, Array]) -> Array:
+        """Violations of torques (the largest at every point), distances (likewise) and other rows, each summed.
 
         Args:
             limits: lower and upper torque limits, as parts of half the ranges, each of shape (points, joints).
-            prices: prices of violations.
+
+        Returns:
+            Shape (3,) [-, m, -].
         """
         low, high = limits
         over = np.max(np.maximum(self.torques.tau - high, low - self.torques.tau), axis=1, initial=0)
-        missing = 0.0 if self.distances is None else float(np.sum(self.distances.missing))
-        missed = sum(each.missed for each in self.sides)
-        return prices.row * float(np.sum(over)), prices.distance * missing, prices.row * missed
+        missing = 0.0 if self.distances is None else np.sum(self.distances.missing)
+        return np.array([np.sum(over), missing, sum(each.missed for each in self.sides)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,48 +246,79 @@ class CurveProgram:
             moved += self.lead * (moved[duration] - x[duration])
         return moved
 
-    def step_program(self, at: Iterate, limits: tuple[Array, Array], prices: Prices) -> ConvexStep:
-        """The quadratic program at an iterate, without the bounds of the step.
 
-        Args:
-            at: the iterate.
-            limits: torque limits, as in `Iterate.penalties`.
-            prices: prices of violations; velocity limits must be satisfied, whatever the price.
-        """
-        (low, high), tau, (velocities, *others) = limits, at.torques.tau, at.sides
-        points, given = np.repeat(np.arange(len(tau)), tau.shape[1]), velocities.equal
-        if np.any(given):
-            others.insert(0, velocities.only(given))
-        soft = [SoftRows.between(at.torques.jacobian, (low - tau).ravel(), (high - tau).ravel(), points, prices.row)]
-        soft += [SoftRows(*sides.below(at.x), prices.row) for sides in others]
-        if at.distances is not None:
-            own = at.distances
-            soft.append(SoftRows((-own.jacobian,), own.spare, own.samples, prices.distance))
-        nothing, cost = np.zeros(at.x.size), self.cost
-        return ConvexStep(
-            place=self.place,
-            gradient=cost.gradient(at.x, at.torques),
-            curvature=cost.moving,
-            squares=cost.no_squares if cost.torques is None else cost.torques.squares(at.x, at.torques),
-            bounds=(nothing, nothing),
-            hard=velocities.only(~given).below(at.x)[:2],
-            soft=tuple(soft),
-        )
+def curve_cost(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) -> CurveCost:
+    """The cost of `assemble_curve`'s nonlinear program, in seconds.
 
-    def region(self, x: Array, trust: float, stretch: float) -> Array:
-        """Largest changes of the unknowns in a trust region, shape (unknowns,).
+    Args:
+        task: task with the effort weights.
+        guess: curve whose legs' durations weigh the squares.
+        spec: weights of the squares.
+        shape: layout of the program.
+    """
+    n, sizes = shape.joints, [POINTS * count for count in shape.intervals]
+    parts = np.concatenate([leg.basis.gauss(POINTS)[1].ravel() for leg in guess.legs])
+    times = np.array([leg.duration for leg in guess.legs])
+    squares = task.problem.effort_weights() * task.problem.limits.actuators.half_range**2
+    steps = np.full(parts.size - 1, spec.steps * guess.duration / n)
+    steps[np.cumsum(sizes)[:-1] - 1] = 0.0
+    moving = sp.csr_matrix((shape.size, shape.size))
+    if spec.travel:
+        each = zip(spec.travel * times / n, guess.legs, strict=True)
+        squared = [price * leg.basis.squared(1, POINTS) for price, leg in each]
+        moving = quadratic_form(shape, squared, travel_scales(task, guess))
+    elif not spec.smooth:  # squared accelerations over velocity limits determine joints with time to spare
+        numbers, prices = task.policy.sequential, np.full(times.size, task.policy.sequential.smooth)
+        if shape.joined:  # of accelerations in time: those of short legs are large
+            prices = numbers.smooth_short * (np.max(times) / times) ** 3
+        squared = [price * leg.basis.squared(2, POINTS) for price, leg in zip(prices, guess.legs, strict=True)]
+        moving = quadratic_form(shape, squared, task.problem.limits.velocity)
+    torques = TorquePrices(
+        duration_of_point=np.repeat([shape.duration(k) for k in shape.legs], sizes),
+        tie=parts * np.repeat(spec.smooth * times / n, sizes),
+        effort=parts[:, None] * squares,
+        steps=steps,
+    )
+    priced = spec.smooth or spec.steps or task.problem.pays_effort
+    return CurveCost(np.array([shape.duration(k) for k in shape.legs]), moving, torques if priced else None)
 
-        Args:
-            x: unknowns at the iterate.
-            trust: radius of the region [rad or m].
-            stretch: largest change of a duration, as a part of it, over the radius [1/rad or 1/m].
-        """
-        region, own = np.full(x.size, trust), self.cost.durations
-        region[own] = stretch * trust * x[own]
-        return region
 
-    def within(self, step: ConvexStep, x: Array, region: Array) -> ConvexStep:
-        """A quadratic program whose step from unknowns x is within a region."""
-        low, high = self.bounds
-        lower, upper = np.maximum(-region, np.minimum(low - x, 0)), np.minimum(region, np.maximum(high - x, 0))
-        return replace(step, bounds=(lower, upper))
+def curve_program(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout, data: NlpData) -> CurveProgram:
+    """Program for sequential convexification.
+
+    Args:
+        task: the problem and its settings.
+        guess: initial guess.
+        spec: requirements of the curve.
+        shape: layout of the program.
+        data: the nonlinear program's parameters and bounds.
+    """
+    problem, bases = task.problem, [leg.basis for leg in guess.legs]
+    limits, (lower, upper) = rate_limits(problem, spec.constraints), data.x_bounds
+    torques = np.concatenate([shape.torques(leg) for leg in shape.legs])
+    free = lower < upper
+    free[torques] = False
+
+    def bounds(rows: Index) -> tuple[Array, Array]:
+        return data.g_bounds[0][rows], data.g_bounds[1][rows]
+
+    others, required = None, spec.constraints.required_distances(problem)
+    known = [shape.torque_rows(leg).ravel() for leg in shape.legs] + [shape.rates_of_all(k) for k in shape.orders]
+    if (which := np.setdiff1d(np.arange(data.g_bounds[0].size), np.concatenate(known))).size:
+        rows = rows_of(problem, spec.constraints)
+        program = task.in_time(lambda scheme: build(task.dynamics, shape, rows, scheme.compile))
+        others = OtherRows(program, data.p, which, bounds(which))
+    points = [(basis, basis.gauss(POINTS)[0].ravel()) for basis in bases]
+    return CurveProgram(
+        shape=shape,
+        torque_rows=TorqueRows(problem.robot, problem.limits.actuators.half_range, points, shape),
+        derivative_rows=tuple(
+            DerivativeRows.of(bases, shape, k, finite(limits[k]), bounds(shape.rates_of_all(k))) for k in shape.orders
+        ),
+        cost=curve_cost(task, guess, spec, shape),
+        bounds=data.x_bounds,
+        free=free,
+        torques=torques,
+        others=others,
+        clearance=None if required is None else clearance_rows(required, guess, task.policy),
+    )

@@ -13,14 +13,13 @@ from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.constraints.rows import intervals_of
 from armdyn.optimal.constraints.torque_limits import RmsTorque
 from armdyn.optimal.curves.curve import Curve
-from armdyn.optimal.curves.equations import CurveInterval
-from armdyn.optimal.curves.nlp_data import CurveSpec
+from armdyn.optimal.curves.layout import CurveSpec
 from armdyn.optimal.curves.planned_paths import NO_PATH, paths_through, refined_paths
+from armdyn.optimal.curves.program import CurveInterval
 from armdyn.optimal.curves.refinement import (
     RefinedCurve,
     calm_curve,
     refine_curve,
-    refined_again,
     reports_on,
     sampled,
     slowed_to_limits,
@@ -55,16 +54,16 @@ def curves(task: Task) -> tuple[list[Optimum], SearchResult]:
     """
     numbers, alone = task.policy.curves, task.policy.strategy.curves_alone
     if not alone:
-        first = refine_curve(task, straight_curve(task, numbers.intervals), _calms(task), by_steps=True)
+        first = refine_curve(task, straight_curve(task, numbers.intervals), only_sequential=True)
         found, planned = ([first] if first.solved.converged or task.stop else []), True
     elif task.problem.has_clearance or task.problem.has_regions:
         found, planned = _among_obstacles(task)
     else:
         starts = task.policy.search.guesses(task.options, numbers.starts)
-        found, planned = _refined(task, _guesses(task, starts), _calms(task)), True
+        found, planned = _refined(task, _guesses(task, starts)), True
         hopeless = task.options.search == "quick" and bool(task.problem.weak_ends)
         if not (task.stop or hopeless) and all(_may_improve(task, one) for one in found):
-            found += _refined(task, _guesses(task, numbers.more_starts)[1:], _calms(task))
+            found += _refined(task, _guesses(task, numbers.more_starts)[1:])
     if is_building():
         task.progress("its machine code is being built in the background, once: later solves are faster")
     if not found:  # or the time was up before the first curve
@@ -107,7 +106,7 @@ def rough_motions(task: Task) -> list[Trajectory]:
     if not starts or task.stop:
         return []
     rough = replace(task, policy=task.policy.changed("curves", intervals=task.policy.curves.coarse, rounds=1))
-    refined = _refined(rough, _guesses(rough, search.guesses(task.options, starts)), rough=True)
+    refined = _refined(rough, _guesses(rough, search.guesses(task.options, starts)))
     found = sorted((one.curve for one in refined if one.solved.converged), key=lambda one: one.duration)
     alike = within(task.policy.same.mesh)
     groups = grouped(found, lambda one, other: alike(one.duration, other.duration))
@@ -162,7 +161,7 @@ def _clear_of_obstacles(task: Task) -> list[RefinedCurve]:
     """The fastest curve without obstacles, if it keeps all clearances."""
     task.progress("the motion without obstacles")
     free = task.for_problem(task.problem.without_obstacles())
-    best, constraints = refine_curve(free, _guesses(free, 1)[0], by_steps=True), TightenedConstraints.of(task)
+    best, constraints = refine_curve(free, _guesses(free, 1)[0], only_sequential=True), TightenedConstraints.of(task)
     if not best.solved.converged or best.excess > task.policy.curves.most_excess:
         return []
     reports = reports_on(task, best.curve, constraints)
@@ -198,14 +197,14 @@ def _guesses(task: Task, count: int) -> list[Curve]:
     return guesses
 
 
-def _refined(task: Task, guesses: Sequence[Curve], rough: bool) -> list[RefinedCurve]:
-    """The guesses' refined curves; rough ones if they are refined again later."""
+def _refined(task: Task, guesses: Sequence[Curve]) -> list[RefinedCurve]:
+    """The guesses' refined curves."""
     if len(guesses) < 2:
-        return [refine_curve(task, guess, rough) for guess in guesses]
+        return [refine_curve(task, guess) for guess in guesses]
     task.progress(f"{len(guesses)} guesses")
     prepare_curve(task, guesses[0], CurveSpec(TightenedConstraints.of(task)))  # built before the fork, for all workers
     found = []
-    jobs = [partial(refine_curve, task, guess, rough) for guess in guesses]
+    jobs = [partial(refine_curve, task, guess) for guess in guesses]
     for one in in_processes(jobs, task.workers):
         found.append(one)
         task.progress(f"{len(found)} of {len(guesses)}: {one.curve.duration:.4f} s")
@@ -226,7 +225,7 @@ def _calm(task: Task, fastest: RefinedCurve) -> Optimum:
     """Motion with little joint travel, as slow as the options and a nearby proven bound allow; else the fastest."""
     share, duration = task.options.calm, fastest.curve.duration
     if not _calms(task) or task.stop or not fastest.solved.converged:
-        return _landed(task, refined_again(task, fastest))
+        return _landed(task, fastest)
     task.progress(f"{duration:.6f} s; up to {100 * share:.2g} % of that may be spent on calm joints")
     calm = _landed(task, calm_curve(task, fastest, share)) if task.workers != 1 else None  # parallel to the bound
     bound = task.lower_bound()

@@ -12,11 +12,10 @@ from armdyn.models.values.actuator_limits import ActuatorLimits
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.curve import Curve, CurveLeg
 from armdyn.optimal.curves.curve_program import Iterate
-from armdyn.optimal.curves.equations import POINTS
-from armdyn.optimal.curves.nlp_data import CurveSpec, TorqueMargin, curve_layout, torque_rates
+from armdyn.optimal.curves.layout import POINTS, CurveSpec, TorqueMargin, curve_layout, torque_rates
 from armdyn.optimal.problem.policy.curves import CurvePolicy
 from armdyn.optimal.problem.task import Task
-from armdyn.optimal.verify.within_limits import FASTER, PER_SAMPLE, fastest_rate
+from armdyn.optimal.verify.within_limits import FASTER, PER_SAMPLE, can_be_slowed, fastest_rate
 from armdyn.trajectory import Trajectory
 
 _MOST = 0.95
@@ -102,6 +101,11 @@ def worst_excess(over: tuple[TorqueMargin, ...]) -> float:
     return float(max(np.max(side) for leg in over for side in (leg.upper, leg.lower, leg.rates)))
 
 
+def accepted_excess(task: Task) -> float:
+    """Excess of torques that slowing down removes, as a part of half the range; 0 where no motion can be slowed."""
+    return task.policy.curves.small_excess if can_be_slowed(task.problem) else 0.0
+
+
 def larger_margin(margin: TorqueMargin, over: TorqueMargin, numbers: CurvePolicy) -> TorqueMargin:
     """Larger margin where a torque exceeds its limit; at a point with a full margin, both neighbours get it.
 
@@ -155,14 +159,12 @@ class Tightening:
 
     Attributes:
         spec: requirements of the curve, with the margins so far.
-        enough: acceptable excess, as a part of half the range.
         rounds: number of changes of the margins.
     """
 
-    def __init__(self, task: Task, guess: Curve, spec: CurveSpec, enough: float):
-        self.task, self.spec, self.enough, self.rounds = task, spec, enough, 0
+    def __init__(self, task: Task, guess: Curve, spec: CurveSpec):
+        self.task, self.spec, self.rounds = task, spec, 0
         self._guess, self._shape = guess, curve_layout(task.problem, guess, spec.constraints)
-        self._last = np.empty(0), tuple[TorqueMargin, ...]()
 
     def __call__(self, at: Iterate, near: bool) -> tuple[Array, Array] | None:
         """Tightened bounds of the torques at the points, in half ranges; None without a change."""
@@ -170,8 +172,7 @@ class Tightening:
             return None
         numbers, curve = self.task.policy.curves, self._shape.curve(self._guess, at.x)
         over, tau = excesses_of(self.task, curve), at.torques.tau
-        self._last = at.x, over
-        if worst_excess(over) <= self.enough or self.rounds == numbers.rounds:
+        if worst_excess(over) <= accepted_excess(self.task) or self.rounds == numbers.rounds:
             return None
         self.rounds += 1
         self.task.progress(round_words(self.rounds, curve, over))
@@ -181,10 +182,6 @@ class Tightening:
         margin = next_margin(self.spec.margin(0), over[0], (tau - most, least - tau), early, numbers)
         self.spec = replace(self.spec, margins=(margin,))
         return least + margin.lower, most - margin.upper
-
-    def over_at(self, x: Array) -> tuple[TorqueMargin, ...] | None:
-        """Excess of the torques, without their margins, at unknowns, if these were evaluated last; else None."""
-        return self._last[1] if np.array_equal(self._last[0], x) else None
 
 
 _CHECKS = 5

@@ -13,7 +13,7 @@ from armdyn.models.scene.reaching import GoalPose, free_directions, slid
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.constraints.regions import GoalRegion
 from armdyn.optimal.curves.curve import Curve
-from armdyn.optimal.curves.nlp_data import CurveSpec, finite
+from armdyn.optimal.curves.layout import CurveSpec, finite
 from armdyn.optimal.curves.solve import solve_curve, straight_curve
 from armdyn.optimal.mesh.direct import solve_on_mesh
 from armdyn.optimal.mesh.multistart import grouped

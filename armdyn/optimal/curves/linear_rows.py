@@ -1,6 +1,7 @@
 """Rows of a curve's program, linear in its unknowns: torques, time derivatives, distances."""
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -13,10 +14,16 @@ from armdyn.locks import cached_property
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.collision import CollisionModel
 from armdyn.optimal.constraints.constraint import RequiredDistances
-from armdyn.optimal.curves.convex_step import with_values
 from armdyn.optimal.curves.curve import Basis, Curve, CurveLeg
-from armdyn.optimal.curves.program import CurveLayout
+from armdyn.optimal.curves.layout import CurveLayout
 from armdyn.optimal.problem.policy.policy import Policy
+
+
+def with_values(pattern: sp.csr_matrix, values: Array) -> sp.csr_matrix:
+    """Matrix of the same sparsity with other values; scipy's constructor would check the pattern again."""
+    out = copy(pattern)
+    out.data = values
+    return out
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,12 +18,10 @@ from armdyn.optimal.constraints.clearance import ClearanceConstraint
 from armdyn.optimal.constraints.constraint import ConstraintReport
 from armdyn.optimal.curves.curve import Basis, Curve, CurveLeg, graded
 from armdyn.optimal.curves.curve_program import CurveCost, CurveProgram, Iterate, quadratic_form
-from armdyn.optimal.curves.equations import POINTS
 from armdyn.optimal.curves.excess import next_margin, torque_excess
+from armdyn.optimal.curves.layout import POINTS, CurveLayout, TorqueMargin, finite
 from armdyn.optimal.curves.linear_rows import DerivativeRows, TorqueRows, clearance_rows
-from armdyn.optimal.curves.nlp_data import TorqueMargin, finite
-from armdyn.optimal.curves.program import CurveLayout
-from armdyn.optimal.curves.sequential import Bounds, SequenceSettings, Sequential
+from armdyn.optimal.curves.sequential import Bounds, Sequential
 from armdyn.optimal.problem.policy.policy import Policy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
@@ -351,7 +349,7 @@ def improve(live: LiveProblem, guesses: Sequence[Guess], until: float) -> tuple[
         _, loop, x, guess = min(loops, key=lambda one: one[0])
         improved = improved or Improvement(live, guess)
         left = numbers.sequential.steps - steps
-        found = loop.solve(x, SequenceSettings(numbers.live.enough, steps > 0, improved, left))
+        found = loop.solve(x, numbers.live.enough, steps > 0, improved, left)
         steps += found.iterations
         ended = improved.sampled is not None or live.distances is None or not found.iterations
         if ended or stop or steps >= numbers.sequential.steps:

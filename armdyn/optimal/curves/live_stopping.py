@@ -6,8 +6,8 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.optimal.curves.curve import CurveLeg
+from armdyn.optimal.curves.layout import TorqueMargin
 from armdyn.optimal.curves.live import LiveProblem, acceleration_excess, acceleration_limits
-from armdyn.optimal.curves.nlp_data import TorqueMargin
 from armdyn.optimal.problem.checks import held
 from armdyn.optimal.problem.policy.curves import LivePolicy
 from armdyn.optimal.problem.status import Status

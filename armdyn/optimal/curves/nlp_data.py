@@ -1,10 +1,8 @@
 """Data of the B-spline program: guess, parameters, bounds of unknowns and equations."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import factorial
-from typing import Self
 
 import numpy as np
 
@@ -12,11 +10,10 @@ from armdyn.arrays import Array, Index
 from armdyn.models.values.actuator_limits import ActuatorLimits
 from armdyn.optimal.constraints.regions import GoalRegion
 from armdyn.optimal.constraints.registry import TightenedConstraints
-from armdyn.optimal.constraints.rows import RowValues, StageRows, intervals_of, spread
-from armdyn.optimal.constraints.torque_limits import TorqueSpeedLimit
+from armdyn.optimal.constraints.rows import intervals_of, spread
 from armdyn.optimal.curves.curve import WINDOW, Basis, Curve
-from armdyn.optimal.curves.equations import POINTS, CurveInterval, end_torque_rows, end_torque_values
-from armdyn.optimal.curves.program import CurveLayout
+from armdyn.optimal.curves.layout import POINTS, CurveLayout, CurveSpec, TorqueMargin, finite, rate_limits, torque_rates
+from armdyn.optimal.curves.program import CurveInterval, constraint_values, rows_of
 from armdyn.optimal.mesh.ipopt import NlpData
 from armdyn.optimal.problem.checks import held
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -24,97 +21,6 @@ from armdyn.optimal.problem.task import Task
 
 _CAUTIOUS = 0.9
 """Part of the limits to which a guess's torques are clipped, for a start in the interior."""
-
-
-@dataclass(frozen=True, eq=False)
-class TorqueMargin:
-    """Margin by which the torque limits are tightened at the Gauss points, because the torque overshoots between them.
-
-    Attributes:
-        upper: reduction of the upper limits, as parts of half the range, shape (points, nv).
-        lower: increase of the lower limits, likewise.
-        rates: reduction of the limits of torque rates, as parts of them, from the point before (or the leg's start) to
-            every point, and from the last point to the leg's end, shape (points + 1, nv).
-    """
-
-    upper: Array | float = 0.0
-    lower: Array | float = 0.0
-    rates: Array | float = 0.0
-
-
-@dataclass(frozen=True, eq=False)
-class CurveSpec:
-    """Specification of a curve: tightened constraints, torque margins, weights of the costs other than the duration.
-
-    Attributes:
-        constraints: tightened path constraints.
-        margins: torque margins of every leg; empty: no margins.
-        smooth: weight of the mean squared torque against the duration.
-        travel: weight of the mean squared velocities, over scales of every joint.
-        steps: weight of the squared changes of torques from point to point.
-        least: lower bound of the duration [s]; 0: the fastest curve is the solution.
-    """
-
-    constraints: TightenedConstraints
-    margins: tuple[TorqueMargin, ...] = ()
-    smooth: float = 0.0
-    travel: float = 0.0
-    steps: float = 0.0
-    least: float = 0.0
-
-    @classmethod
-    def of(cls, task: Task) -> Self:
-        """The problem's constraints, and the policy's smoothness unless the problem weighs torques itself."""
-        smooth = 0.0 if task.problem.pays_effort else task.policy.curves.smooth
-        return cls(TightenedConstraints.of(task), smooth=smooth)
-
-    def margin(self, leg: int) -> TorqueMargin:
-        """Torque margins of one leg."""
-        return self.margins[leg] if self.margins else TorqueMargin()
-
-
-def curve_layout(problem: MinimumTimeProblem, guess: Curve, constraints: TightenedConstraints) -> CurveLayout:
-    """Layout of a problem's program."""
-    intervals = tuple(leg.basis.intervals for leg in guess.legs)
-    orders = set(constraints.derivative_limits(problem))
-    if problem.jerk_limit is not None and not problem.from_rest_to_rest:
-        orders.add(2)  # zero accelerations at an end in flight
-    rated = any(each.torque_rate_limit(problem) is not None for each in constraints.path_constraints)
-    smooth, lines = 2 if problem.continuous_torque else 1, len(problem.limits.actuators.lines[0])
-    joined = tuple(i + 1 for i in problem.via_regions)
-    return CurveLayout(problem.robot.nv, intervals, (1, *sorted(orders)), smooth, rated, lines, joined)
-
-
-def torque_rates(task: Task, constraints: TightenedConstraints) -> Array | None:
-    """Limits of the torque rates [N m/s or N/s], shape (nv,); None: no limits."""
-    problem = task.problem
-    found = [each.torque_rate_limit(problem) for each in constraints.path_constraints]
-    given = [limit for limit in found if limit is not None]
-    kept = 0.0 if problem.from_rest_to_rest else 100 * task.policy.curves.velocity_error
-    return (1 - kept) * np.min(given, axis=0) if given else None
-
-
-def _with_rows(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> TightenedConstraints:
-    """The constraints that need rows of their own, apart from bounds of control points or torques."""
-    own = (each for each in constraints.path_constraints if not isinstance(each, TorqueSpeedLimit))
-    own = (each for each in own if each.derivative_limit(problem) is None and each.torque_rate_limit(problem) is None)
-    return replace(constraints, path_constraints=tuple(own))
-
-
-def rows_of(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[StageRows, ...]:
-    """Rows of the constraints that need rows of their own, and of torques at the ends of short legs."""
-    return (*end_torque_rows(problem), *_with_rows(problem, constraints).rows(problem))
-
-
-def constraint_values(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[RowValues, ...]:
-    """Parameters and bounds of each of `rows_of`."""
-    return (*end_torque_values(problem), *_with_rows(problem, constraints).values(problem))
-
-
-def rate_limits(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> dict[int, Array]:
-    """Limits of the curve's time derivatives by order, each of shape (nv,); inf: none."""
-    none = np.full(problem.robot.nv, np.inf)
-    return {1: problem.limits.velocity, 2: none, 3: none} | constraints.derivative_limits(problem)
 
 
 _Equations = tuple[Array, Array, Array]
@@ -188,11 +94,6 @@ def _meeting_speeds(problem: MinimumTimeProblem, guess: Curve) -> Array:
         return limits
     # Violations in sequential convexification are priced per scale: a scale far above the motion's speeds is free.
     return np.minimum(limits, max(float(np.max(np.ptp(leg.points, axis=0))) / leg.duration for leg in guess.legs))
-
-
-def finite(limit: Array) -> Array:
-    """Limits as scales: infinity becomes 1."""
-    return np.where(np.isinf(limit), 1.0, limit)
 
 
 def _rates(

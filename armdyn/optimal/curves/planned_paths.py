@@ -18,10 +18,9 @@ from armdyn.models.scene.reaching import slid
 from armdyn.optimal.constraints.regions import FrameRegion
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.curve import Basis, Curve, graded
-from armdyn.optimal.curves.nlp_data import CurveSpec
+from armdyn.optimal.curves.layout import CurveSpec
 from armdyn.optimal.curves.refinement import RefinedCurve, refine_among_obstacles
-from armdyn.optimal.curves.sequential import SequenceSettings
-from armdyn.optimal.curves.solve import solve_in_steps
+from armdyn.optimal.curves.solve import solve_sequentially
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.status import Stop
 from armdyn.optimal.problem.task import Task
@@ -136,7 +135,7 @@ def refined_paths(task: Task, planned: Iterator[LegPaths]) -> list[RefinedCurve]
     for guess in _guesses(task, planned):
         if task.stop or (best and best.converged and best.curve.duration < numbers.near_bound * bound):
             break
-        solved = solve_in_steps(task, guess, spec, SequenceSettings(numbers.enough))
+        solved = solve_sequentially(task, guess, spec, numbers.enough)
         iterations += solved.result.iterations
         task.progress(f"a path of {solved.curve.duration:.4f} s")
         if best is None or (not solved.converged, solved.curve.duration) < (not best.converged, best.curve.duration):

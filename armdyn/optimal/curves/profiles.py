@@ -13,7 +13,7 @@ from armdyn.arrays import Array, Flags
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.curve import DEGREE, Basis, Curve, CurveLeg
 from armdyn.optimal.curves.excess import excesses_of, forced_snap, worst_excess
-from armdyn.optimal.curves.nlp_data import rate_limits
+from armdyn.optimal.curves.layout import rate_limits
 from armdyn.optimal.mesh.candidates import SearchResult
 from armdyn.optimal.problem.checks import ROUNDING
 from armdyn.optimal.problem.planning_limits import Profiles

@@ -1,166 +1,275 @@
-"""Nonlinear program of B-spline motions: layout of its unknowns, and its blocks of equations."""
+"""Nonlinear program of B-spline motions: inverse dynamics at points, limits of derivatives, continuity between legs."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, replace
 
+import casadi as ca
 import numpy as np
 
 from armdyn.arrays import Array, Index
+from armdyn.codegen.compiled import compiled
 from armdyn.codegen.deadline import expect_time
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
-from armdyn.optimal.constraints.rows import IntervalFunctions, StageRows, intervals_of
-from armdyn.optimal.curves.curve import DEGREE, WINDOW, Basis, Curve, CurveLeg
-from armdyn.optimal.curves.equations import (
-    POINTS,
-    CurveInterval,
-    Shared,
-    meeting_equations,
-    rate_equations,
-    torque_equations,
-    torque_rate_equations,
-    torque_speed_equations,
-    torque_step_cost,
+from armdyn.optimal.constraints.registry import TightenedConstraints
+from armdyn.optimal.constraints.rows import (
+    IntervalFunctions,
+    RowValues,
+    StageRows,
+    Stages,
+    differentiated,
+    intervals_of,
+    nonzeros_of,
 )
+from armdyn.optimal.constraints.torque_limits import TorqueSpeedLimit
+from armdyn.optimal.curves.curve import WINDOW
+from armdyn.optimal.curves.layout import POINTS, CurveLayout
 from armdyn.optimal.mesh.assembly import Block, Program, program_of
+from armdyn.optimal.mesh.interval import only_present
+from armdyn.optimal.mesh.layout import BODY
+from armdyn.optimal.problem.problem import MinimumTimeProblem
 
 
 @dataclass(frozen=True)
-class CurveLayout:
-    """Layout of unknowns and equations of a B-spline program.
+class Shared:
+    """Parameters common to all equations of a curve, in symbols or numbers.
 
     Attributes:
-        joints: number of joints.
-        intervals: number of intervals of every leg.
-        orders: orders of the limited derivatives: 1, and perhaps 2 and 3.
-        smooth: order of the highest derivative that is continuous between legs.
-        rated: whether torque rates are limited.
-        lines: number of lines of every joint's torque-speed curve.
-        joined: legs that share their first control point, which is free, with the leg before.
+        effort: scales of the torques: half their ranges [N m or N], shape (nv,).
+        weights: weights of the squared scaled torques over time, shape (nv,).
+        body: dynamic parameters of the body on the last joint, shape (10,).
+        travel: scales of dq/ds, s being the part of the time, where it has a cost [rad or m], shape (nv,).
+        time_cost: cost of a second.
     """
 
-    joints: int
-    intervals: tuple[int, ...]
-    orders: tuple[int, ...] = (1,)
-    smooth: int = 1
-    rated: bool = False
-    lines: int = 0
-    joined: tuple[int, ...] = ()
+    effort: ca.SX
+    weights: ca.SX
+    body: ca.SX
+    travel: ca.SX
+    time_cost: ca.SX
 
-    @property
-    def legs(self) -> range:
-        return range(len(self.intervals))
+    @staticmethod
+    def size(joints: int) -> int:
+        return 3 * joints + BODY + 1
 
-    @property
-    def size(self) -> int:
-        """Number of unknowns."""
-        return self._before(len(self.intervals))
+    @classmethod
+    def symbols(cls, joints: int) -> "Shared":
+        sizes = (("effort", joints), ("weights", joints), ("body", BODY), ("travel", joints), ("hurry", 1))
+        return cls(*(ca.SX.sym(name, size) for name, size in sizes))
 
-    def points(self, leg: int) -> Index:
-        """Indices of a leg's control points, shape (intervals + DEGREE, joints)."""
-        own = self.intervals[leg] + DEGREE - (leg in self.joined)
-        points = self._before(leg) + np.arange(own * self.joints).reshape(-1, self.joints)
-        return np.vstack([self.points(leg - 1)[-1:], points]) if leg in self.joined else points
+    def column(self) -> ca.SX:
+        return ca.vertcat(self.effort, self.weights, self.body, self.travel, self.time_cost)
 
-    @property
-    def all_points(self) -> Index:
-        """Indices of the coordinates of all control points, each once."""
-        return np.unique(np.concatenate([self.points(leg).ravel() for leg in self.legs]))
 
-    def windows(self, legs: Sequence[tuple[Basis, Array]]) -> Index:
-        """Indices of the control points on which poses depend, shape (poses, WINDOW, joints).
+@built_once(maxsize=16)
+def torque_equations(dynamics: Dynamics, compile_mode: bool | None) -> IntervalFunctions:
+    """Torque at a point of the curve by inverse dynamics minus its unknown, both over half the torque's range.
 
-        Args:
-            legs: basis of each leg, and its poses as parts of its duration.
-        """
-        return np.concatenate([self.points(k)[basis.window(s)] for k, (basis, s) in enumerate(legs)])
+    Unknowns: the control points of its window, the leg's duration T [s], the scaled torques.
+    Parameters: values, first and second derivatives of the window's B-splines, shape (3, WINDOW); the point's part of
+        the time; costs there of a squared torque, whatever T is, and of squared dq/ds over the scales of `Shared`; then
+        `Shared`.
+    The chain from control points to (q, q', q'') is linear, so that the dynamics are differentiated in these only.
+    """
+    n, shared = dynamics.nv, Shared.symbols(dynamics.nv)
+    curve, duration, torque = ca.SX.sym("curve", 3 * n), ca.SX.sym("T"), ca.SX.sym("torque", n)
+    basis, part, tie, calm = ca.SX.sym("basis", 3 * WINDOW), ca.SX.sym("part"), ca.SX.sym("tie"), ca.SX.sym("calm")
+    body = only_present(dynamics, shared.body)
+    q, dq, ddq = (curve[i * n : (i + 1) * n] for i in range(3))
+    load = dynamics.rnea(q, dq / duration, ddq / duration**2, body) / shared.effort
+    points, lam, sigma = ca.SX.sym("points", n * WINDOW), ca.SX.sym("lam", n), ca.SX.sym("sigma")
+    y, p = ca.vertcat(points, duration, torque), ca.vertcat(basis, part, tie, calm, shared.column())
+    chain = ca.kron(ca.reshape(basis, WINDOW, 3).T, ca.SX.eye(n))
+    outer, at = ca.diagcat(chain, ca.SX.eye(1)), chain @ points
+    moving = calm * ca.sumsqr(at[n : 2 * n] / shared.travel)
+    effort = shared.time_cost * part * duration * ca.dot(shared.weights, torque**2)
+    cost = (tie * ca.sumsqr(torque) + moving + effort) / 2
+    inner = ca.vertcat(curve, duration)
+    curvature = ca.hessian(ca.dot(lam, load), inner)[0]
+    jacobian = ca.horzcat(ca.jacobian(load, inner) @ outer, -ca.SX.eye(n))
+    paying = ca.hessian(sigma * cost, ca.vertcat(points, duration, torque))[0]
+    hessian = ca.triu(ca.diagcat(outer.T @ curvature @ outer, ca.SX(n, n)) + paying)
+    fast = compiled(
+        (
+            ca.Function("torque_jacobian", [y, p], [ca.substitute(nonzeros_of(jacobian), curve, at)]),
+            ca.Function("torque_hessian", [y, p, sigma, lam], [ca.substitute(nonzeros_of(hessian), curve, at)]),
+        ),
+        compile_mode,
+        later=True,
+    )
+    return IntervalFunctions(
+        defects=ca.Function("torque_defects", [y, p], [ca.substitute(load, curve, at) - torque]),
+        cost=ca.Function("torque_cost", [y, p], [cost]),
+        jacobian=fast[0],
+        jacobian_pattern=jacobian.sparsity(),
+        hessian=fast[1],
+        hessian_pattern=hessian.sparsity(),
+    )
 
-    def duration(self, leg: int) -> int:
-        """Index of a leg's duration."""
-        return int(self.points(leg)[-1, -1]) + 1
 
-    def torques(self, leg: int) -> Index:
-        """Indices of a leg's torques, shape (intervals * POINTS, joints)."""
-        size = self.intervals[leg] * POINTS * self.joints
-        return self.duration(leg) + 1 + np.arange(size).reshape(-1, self.joints)
+@built_once(maxsize=16)
+def torque_step_cost(joints: int) -> IntervalFunctions:
+    """Cost of the squared change of torques from one point of a leg to the next; no equations.
 
-    def units(self, way: float, time: float) -> Array:
-        """Units of the unknowns, of control points [rad or m] and durations [s], shape (size,); 1 for torques."""
-        units = np.ones(self.size)
-        units[self.all_points], units[[self.duration(k) for k in self.legs]] = way, time
-        return units
+    Unknowns: the scaled torques at both points. Parameter: cost of a squared change.
+    """
+    y, price = ca.SX.sym("y", 2 * joints), ca.SX.sym("price")
+    cost = price * ca.sumsqr(y[joints:] - y[:joints]) / 2
+    return differentiated("torque_step", y, price, ca.SX(0, 1), cost, False)
 
-    def curve(self, guess: Curve, x: Array) -> Curve:
-        """The curve of unknowns x, shape (size,), with the bases of a guess."""
-        bases = (leg.basis for leg in guess.legs)
-        own = zip(self.legs, bases, strict=True)
-        return Curve(tuple(CurveLeg(basis, x[self.points(k)], float(x[self.duration(k)])) for k, basis in own))
 
-    def torque_rows(self, leg: int) -> Index:
-        """Rows of the torque equations, shape (intervals * POINTS, joints)."""
-        return self._rows(leg)[0]
+@built_once(maxsize=16)
+def rate_equations(joints: int, order: int) -> IntervalFunctions:
+    """Control point of a time derivative of the curve, relative to the derivative's limits.
 
-    def rates(self, leg: int, order: int) -> Index:
-        """Rows of the equations of a derivative's control points, shape (control points, joints)."""
-        return self._rows(leg)[1 + self.orders.index(order)]
+    Unknowns: order + 1 control points of the curve, the leg's duration T.
+    Parameters: factors of these, shape (order + 1,); one over the limits, shape (nv,).
+    """
+    points, duration = ca.SX.sym("points", joints, order + 1), ca.SX.sym("T")
+    factors, over = ca.SX.sym("factors", order + 1), ca.SX.sym("over", joints)
+    rates = (points @ factors) / duration**order * over
+    y, p = ca.vertcat(ca.vec(points), duration), ca.vertcat(factors, over)
+    return differentiated(f"rate{order}", y, p, rates, None, False)
 
-    def rates_of_all(self, order: int) -> Index:
-        """Rows of the equations of a derivative's control points on all legs, shape (rows,)."""
-        return np.concatenate([self.rates(leg, order).ravel() for leg in self.legs])
 
-    def torque_speeds(self, leg: int) -> Index:
-        """Rows of the lines of torque-speed curves, shape (intervals * POINTS, lines, joints)."""
-        return self._rows(leg)[-1].reshape(-1, self.lines, self.joints)
+@built_once(maxsize=16)
+def meeting_equations(joints: int, order: int) -> IntervalFunctions:
+    """Time derivative at the end of a leg minus that at the start of the next leg, over its scale.
 
-    def _rows(self, leg: int) -> list[Index]:
-        """Rows of each of a leg's kinds of equations, in the program's order, each of shape (places, joints)."""
-        places = [
-            (POINTS * size, *(size + DEGREE - order for order in self.orders), POINTS * size * self.lines)
-            for size in self.intervals
-        ]
-        ends = sum(sum(each) for each in places[:leg]) + np.cumsum([0, *places[leg]])
-        return [np.arange(a, b).reshape(-1, self.joints) for a, b in pairwise(self.joints * ends)]
+    Unknowns: order + 1 control points and the duration of one leg, then of the other.
+    Parameters: factors of these points, shape (2, order + 1); one over the scale, shape (nv,).
+    """
+    count = joints * (order + 1)
+    y, over = ca.SX.sym("y", 2 * (count + 1)), ca.SX.sym("over", joints)
+    factors = ca.SX.sym("factors", 2 * (order + 1))
+    sides = []
+    for side in range(2):
+        own = y[side * (count + 1) : (side + 1) * (count + 1)]
+        part = factors[side * (order + 1) : (side + 1) * (order + 1)]
+        sides.append(ca.reshape(own[:count], joints, order + 1) @ part / own[count] ** order)
+    gap = (sides[0] - sides[1]) * over
+    return differentiated(f"meeting{order}", y, ca.vertcat(factors, over), gap, None, False)
 
-    def at_points(self, leg: int) -> Index:
-        """Indices of the unknowns of the torque equations, a column per point."""
-        interval = np.repeat(np.arange(self.intervals[leg]), POINTS)
-        return self._columns(leg, interval[:, None] + np.arange(WINDOW), self.torques(leg))
 
-    def in_intervals(self, leg: int) -> Index:
-        """Indices of the unknowns of a `CurveInterval`, a column per interval."""
-        window = np.arange(self.intervals[leg])[:, None] + np.arange(WINDOW)
-        return self._columns(leg, window, self.torques(leg).reshape(self.intervals[leg], -1))
+@built_once(maxsize=16)
+def torque_rate_equations(joints: int, sides: int, given: bool = False) -> IntervalFunctions:
+    """Torque rates between two neighbouring points, relative to the limits of the rates.
 
-    def differences(self, leg: int, order: int) -> Index:
-        """Indices of the unknowns for a derivative's control points, a column per control point."""
-        return self._columns(leg, np.arange(self.intervals[leg] + DEGREE - order)[:, None] + np.arange(order + 1))
+    Unknowns: the scaled torques at both points, then the durations of their legs.
+    Parameters: part of each leg's duration between the points, shape (sides,); half the torque's
+    range over the limit [s], shape (nv,).
 
-    def torque_steps(self, leg: int) -> Index:
-        """Indices of the unknowns for a leg's torque rates from point to point, a column each."""
-        torques = self.torques(leg)
-        return np.hstack([torques[:-1], torques[1:], np.full((len(torques) - 1, 1), self.duration(leg))]).T
+    Args:
+        joints: number of joints.
+        sides: number of legs: 1, or 2 for points before and after a via pose.
+        given: whether the first torques are parameters instead of unknowns: at the motion's ends.
+    """
+    before, after = ca.SX.sym("before", joints), ca.SX.sym("after", joints)
+    durations, parts, over = ca.SX.sym("T", sides), ca.SX.sym("parts", sides), ca.SX.sym("over", joints)
+    rates = (after - before) * over / ca.dot(parts, durations)
+    y, p = ca.vertcat(after, durations), ca.vertcat(parts, over)
+    y, p = (y, ca.vertcat(before, p)) if given else (ca.vertcat(before, y), p)
+    return differentiated(f"torque_rate{sides}", y, p, rates, None, False)
 
-    def torque_meeting(self, leg: int) -> Index:
-        """Indices of the unknowns for the torque rate from the leg before, one column."""
-        ends = self.torques(leg - 1)[-1], self.torques(leg)[0]
-        return np.concatenate([*ends, [self.duration(leg - 1), self.duration(leg)]])[:, None]
 
-    def torque_ends(self) -> tuple[Index, Index]:
-        """Indices of the unknowns for the torque rates at start and goal, one column each."""
-        last = self.legs[-1]
-        ends = (self.torques(0)[0], self.duration(0)), (self.torques(last)[-1], self.duration(last))
-        first, final = (np.append(torques, duration)[:, None] for torques, duration in ends)
-        return first, final
+@built_once(maxsize=16)
+def torque_speed_equations(joints: int, lines: int) -> IntervalFunctions:
+    """Scaled torques plus speed terms, τ + s v, for every line of the torque-speed curves at a point.
 
-    def _columns(self, leg: int, window: Index, more: Index | None = None) -> Index:
-        points, count = self.points(leg), len(window)
-        own = [points[window].reshape(count, -1), np.full((count, 1), self.duration(leg))]
-        return np.hstack(own if more is None else [*own, more]).T
+    Unknowns: as in `torque_equations`.
+    Parameters: first derivatives of the window's B-splines, shape (WINDOW,); slopes s over half the torque's range
+    [s/rad or s/m], shape (lines, nv).
+    """
+    points, duration = ca.SX.sym("points", joints, WINDOW), ca.SX.sym("T")
+    torque, basis, slopes = ca.SX.sym("torque", joints), ca.SX.sym("basis", WINDOW), ca.SX.sym("slopes", joints, lines)
+    used = ca.repmat(torque, 1, lines) + slopes * ca.repmat(points @ basis / duration, 1, lines)
+    y, p = ca.vertcat(ca.vec(points), duration, torque), ca.vertcat(basis, ca.vec(slopes))
+    return differentiated(f"torque_speed{lines}", y, p, ca.vec(used), None, False)
 
-    def _before(self, leg: int) -> int:
-        each = [self.joints * (size * (1 + POINTS) + DEGREE) + 1 for size in self.intervals[:leg]]
-        return sum(each) - self.joints * sum(one < leg for one in self.joined)
+
+@dataclass(frozen=True)
+class CurveInterval:
+    """Interval of a curve for path constraints: stages at its ends and the Gauss points.
+
+    Its unknowns: the window's control points, the leg's duration, the torques at the Gauss points.
+    Its parameters: coefficients of the window's B-splines in powers of the part of the interval, shape
+    (WINDOW, WINDOW), its part of the leg, then `Shared`.
+
+    Attributes:
+        dynamics: dynamics with a symbolic last body.
+        compile: whether derivatives become machine code, see `compiled`.
+    """
+
+    dynamics: Dynamics
+    compile: bool | None = None
+
+    def stages(self) -> Stages:
+        """The interval in symbols; torques are linear between and beyond the Gauss points."""
+        n, shared = self.dynamics.nv, Shared.symbols(self.dynamics.nv)
+        points, duration = ca.SX.sym("points", n, WINDOW), ca.SX.sym("T")
+        torques, powers = ca.SX.sym("torques", n, POINTS), ca.SX.sym("powers", WINDOW, WINDOW)
+        part = ca.SX.sym("part")
+        h, coefficients = part * duration, points @ powers
+        gauss = (np.polynomial.legendre.leggauss(POINTS)[0] + 1) / 2
+        c = np.concatenate([[0.0], gauss, [1.0]])
+        slope = (torques[:, 1] - torques[:, 0]) / (gauss[1] - gauss[0])
+        return Stages(
+            y=ca.vertcat(ca.vec(points), duration, ca.vec(torques)),
+            p=ca.vertcat(ca.vec(powers), part, shared.column()),
+            h=h,
+            c=c,
+            q=coefficients @ _powers(c, 0),
+            v=coefficients @ _powers(c, 1) / h,
+            a=coefficients @ _powers(c, 2) / h**2,
+            tau=ca.horzcat(*((torques[:, 0] + (s - gauss[0]) * slope) * shared.effort for s in c)),
+            acceleration=ca.SX(1),
+            effort=shared.effort,
+            dynamics=self.dynamics,
+        )
+
+
+def _powers(s: Array, order: int) -> Array:
+    """Derivatives at s, shape (m,), of the powers below `WINDOW`, shape (WINDOW, m)."""
+    return np.array([np.polynomial.Polynomial(row).deriv(order)(s) for row in np.eye(WINDOW)])
+
+
+def end_torque_rows(problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
+    """Rows at the start and the end of every leg for problems with regions: their legs may be short."""
+    legs = range(len(problem.poses) - 1) if problem.has_regions else ()
+    ends = (("first", 0), ("last", -1))
+    return tuple(StageRows(_torques, (stage,), where=where, leg=leg) for leg in legs for where, stage in ends)  # type: ignore[arg-type]
+
+
+def end_torque_values(problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
+    """Bounds of `end_torque_rows`: the torque limits divided by half the torque range."""
+    actuators = problem.limits.actuators
+    bounds = RowValues(actuators.lower / actuators.half_range, actuators.upper / actuators.half_range)
+    return (bounds,) * len(end_torque_rows(problem))
+
+
+def _torques(stages: Stages, numbers: ca.SX, stage: int) -> ca.SX:
+    """Torques at a stage by inverse dynamics, over half their ranges."""
+    n, dynamics = stages.dynamics.nv, stages.dynamics
+    first = WINDOW**2 + 1 + 2 * n
+    body = only_present(dynamics, stages.p[first : first + BODY])
+    scaled: ca.SX = dynamics.rnea(stages.q[:, stage], stages.v[:, stage], stages.a[:, stage], body) / stages.effort
+    return scaled
+
+
+def _with_rows(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> TightenedConstraints:
+    """The constraints that need rows of their own, apart from bounds of control points or torques."""
+    own = (each for each in constraints.path_constraints if not isinstance(each, TorqueSpeedLimit))
+    own = (each for each in own if each.derivative_limit(problem) is None and each.torque_rate_limit(problem) is None)
+    return replace(constraints, path_constraints=tuple(own))
+
+
+def rows_of(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[StageRows, ...]:
+    """Rows of the constraints that need rows of their own, and of torques at the ends of short legs."""
+    return (*end_torque_rows(problem), *_with_rows(problem, constraints).rows(problem))
+
+
+def constraint_values(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[RowValues, ...]:
+    """Parameters and bounds of each of `rows_of`."""
+    return (*end_torque_values(problem), *_with_rows(problem, constraints).values(problem))
 
 
 _BUILT = 2.5e-5

@@ -10,6 +10,7 @@ from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.curve import Curve
 from armdyn.optimal.curves.excess import (
     Tightening,
+    accepted_excess,
     excesses_of,
     fine_enough,
     larger_margin,
@@ -17,7 +18,7 @@ from armdyn.optimal.curves.excess import (
     sample_counts,
     worst_excess,
 )
-from armdyn.optimal.curves.nlp_data import CurveSpec, TorqueMargin
+from armdyn.optimal.curves.layout import CurveSpec, TorqueMargin
 from armdyn.optimal.curves.solve import Solved, solve_curve
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.within_limits import can_be_slowed, constraints_mended, follow, least_factor
@@ -47,7 +48,9 @@ class RefinedCurve:
     calm: float = 0.0
 
 
-def refine_curve(task: Task, guess: Curve, rough: bool = False, by_steps: bool = False) -> RefinedCurve:
+def refine_curve(
+    task: Task, guess: Curve, only_sequential: bool = False, spec: CurveSpec | None = None, near: Solved | None = None
+) -> RefinedCurve:
     """The fastest curve near a guess, within its torque limits and path constraints everywhere.
 
     An excess of a torque between two points becomes a margin of the limit there, and the program is solved again.
@@ -55,22 +58,14 @@ def refine_curve(task: Task, guess: Curve, rough: bool = False, by_steps: bool =
     Args:
         task: the problem and its settings.
         guess: initial guess.
-        rough: whether `calm_curve` continues from the result: then its duration is the fastest, and its torques may
-            exceed their limits slightly.
-        by_steps: do not fall back on IPOPT if sequential convexification does not converge.
+        only_sequential: do not fall back on IPOPT if sequential convexification does not converge.
+        spec: requirements of the curve; None: the problem's.
+        near: result of a similar specification by IPOPT, for a warm start.
     """
-    little = task.policy.curves.calm_excess if rough else task.policy.curves.small_excess
-    return _refined(task, guess, CurveSpec.of(task), little, by_steps=by_steps)
-
-
-def _refined(
-    task: Task, guess: Curve, spec: CurveSpec, little: float, near: Solved | None = None, by_steps: bool = False
-) -> RefinedCurve:
-    enough = little if can_be_slowed(task.problem) else 0.0
-    tightening = Tightening(task, guess, spec, enough)
-    solved = solve_curve(task, guess, spec, near, tightening, by_steps)
-    over = tightening.over_at(solved.result.x)
-    return _in_rounds(task, solved, tightening.spec if solved.in_steps else spec, enough, over)
+    spec = CurveSpec.of(task) if spec is None else spec
+    tightening = Tightening(task, guess, spec)
+    solved = solve_curve(task, guess, spec, near, tightening, only_sequential)
+    return _in_rounds(task, solved, tightening.spec if solved.sequential else spec)
 
 
 def calm_curve(task: Task, fastest: RefinedCurve, share: float) -> RefinedCurve:
@@ -86,47 +81,27 @@ def calm_curve(task: Task, fastest: RefinedCurve, share: float) -> RefinedCurve:
     numbers, duration = task.policy.curves, fastest.curve.duration
     least = (1 + share - numbers.small_excess) * duration
     spec = replace(fastest.spec, smooth=0.0, travel=numbers.calm, steps=numbers.calm, least=least)
-    near = None if fastest.solved.in_steps else fastest.solved
-    found = _refined(task, fastest.curve, spec, numbers.small_excess, near)
+    near = None if fastest.solved.sequential else fastest.solved
+    found = refine_curve(task, fastest.curve, spec=spec, near=near)
     given = found.curve.duration - duration
     kept = found.solved.converged and found.excess <= numbers.small_excess and constraints_mended(task, found.reports)
     if task.stop or not kept or given > share * duration:
-        return refined_again(task, fastest)
+        return fastest
     return replace(found, solved=fastest.solved, iterations=fastest.iterations + found.iterations, calm=given)
 
 
-def refined_again(task: Task, rough: RefinedCurve) -> RefinedCurve:
-    """Refine a rough curve until it is within its limits; slow it down if the time is up.
-
-    Args:
-        task: the problem and its settings.
-        rough: rough curve from `refine_curve`.
-    """
-    little = task.policy.curves.small_excess
-    if rough.excess <= little:
-        return rough
-    if task.stop or not rough.solved.converged:
-        return _in_rounds(task, rough.solved, rough.spec, little)
-    found = _refined(task, rough.curve, rough.spec, little)
-    return replace(found, iterations=rough.iterations + found.iterations)
-
-
-def _in_rounds(
-    task: Task, solved: Solved, spec: CurveSpec, enough: float, over: tuple[TorqueMargin, ...] | None = None
-) -> RefinedCurve:
+def _in_rounds(task: Task, solved: Solved, spec: CurveSpec) -> RefinedCurve:
     """Tighten a specification and solve it again until the limits hold between the points, too.
 
     Args:
         task: the problem and its settings.
         solved: the first round.
         spec: requirements of the first round.
-        enough: acceptable excess, as a part of half the range.
-        over: excess of torques in the first round; None: unknown.
     """
-    numbers, problem, iterations = task.policy.curves, task.problem, solved.result.iterations
+    numbers, iterations, enough = task.policy.curves, solved.result.iterations, accepted_excess(task)
     worst = last = np.inf
     for k in range(numbers.rounds):
-        over = over or excesses_of(task, solved.curve)
+        over = excesses_of(task, solved.curve)
         kept = reports_on(task, solved.curve, spec.constraints)
         worst = worst_excess(over)
         if (worst <= enough and constraints_mended(task, kept)) or task.stop or not solved.converged:
@@ -136,15 +111,14 @@ def _in_rounds(
         if worst <= enough and all(map(is_, before, spec.constraints.path_constraints)):
             break  # no constraint can be tightened further
         # Margins of limits that are not active do not change steps; IPOPT's barrier responds to them.
-        solved, last = replace(solved, in_steps=solved.in_steps and worst < last), worst
+        solved, last = replace(solved, sequential=solved.sequential and worst < last), worst
         again = solve_curve(task, solved.curve, spec, solved)
         iterations += again.result.iterations
         if not again.converged:
             break
-        solved, over = again, None
-    curve, over = solved.curve, over or excesses_of(task, solved.curve)
-    rough = numbers.small_excess < worst <= enough and not task.stop and solved.converged
-    if can_be_slowed(problem) and not rough:
+        solved = again
+    curve, over = solved.curve, excesses_of(task, solved.curve)
+    if can_be_slowed(task.problem):
         curve, over = _within_limits(task, curve, over, numbers.small_excess)
     reports = reports_on(task, curve, spec.constraints)
     return RefinedCurve(curve, solved, spec, iterations, worst_excess(over), reports)

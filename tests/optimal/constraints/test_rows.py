@@ -9,7 +9,7 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.constraints.regions import region_rows
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.constraints.rows import StageRows, differentiated, numbers_of, row_bounds
-from armdyn.optimal.curves.equations import CurveInterval, _torques
+from armdyn.optimal.curves.program import CurveInterval, _torques
 from armdyn.optimal.mesh.assembly import build_nlp, with_rows
 from armdyn.optimal.mesh.direct import legs_of, solve_on_mesh
 from armdyn.optimal.mesh.interval import CollocationInterval

@@ -5,7 +5,7 @@ import numpy as np
 import armdyn as ad
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.curve import Basis, Curve, graded
-from armdyn.optimal.curves.nlp_data import CurveSpec
+from armdyn.optimal.curves.layout import CurveSpec
 from armdyn.optimal.problem.task import Task
 from problems import POSES, paper_arm
 

@@ -10,8 +10,8 @@ from armdyn.models.scene.obstacles import Box
 from armdyn.optimal.constraints.clearance import ClearanceConstraint
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.curve import Basis, Curve, graded
+from armdyn.optimal.curves.layout import curve_layout
 from armdyn.optimal.curves.linear_rows import clearance_rows
-from armdyn.optimal.curves.nlp_data import curve_layout
 from armdyn.optimal.problem.policy.policy import Policy
 from armdyn.optimal.problem.task import Task
 from oracles import robot_named

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from armdyn.optimal.curves.nlp_data import TorqueMargin, assemble_curve, constraint_values, curve_layout, rows_of
+from armdyn.optimal.curves.layout import TorqueMargin, curve_layout
+from armdyn.optimal.curves.nlp_data import assemble_curve
+from armdyn.optimal.curves.program import constraint_values, rows_of
 from optimal.curves.bends import GOAL, KINDS, START, VIA, bent, spec, task
 
 

@@ -5,9 +5,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from armdyn.optimal.curves.equations import POINTS
-from armdyn.optimal.curves.nlp_data import assemble_curve, curve_layout, rows_of
-from armdyn.optimal.curves.program import CurveLayout, build
+from armdyn.optimal.curves.layout import POINTS, CurveLayout, curve_layout
+from armdyn.optimal.curves.nlp_data import assemble_curve
+from armdyn.optimal.curves.program import build, rows_of
 from optimal.curves.bends import KINDS, bent, problem, spec, task
 
 SMOOTH, TRAVEL, STEPS = 0.01, 0.02, 0.03

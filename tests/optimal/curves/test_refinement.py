@@ -8,9 +8,8 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.curve import Basis, Curve, graded
-from armdyn.optimal.curves.equations import POINTS
 from armdyn.optimal.curves.excess import excesses_of, larger_margin
-from armdyn.optimal.curves.nlp_data import CurveSpec, TorqueMargin
+from armdyn.optimal.curves.layout import POINTS, CurveSpec, TorqueMargin
 from armdyn.optimal.curves.refinement import refine_curve
 from armdyn.optimal.curves.solve import solve_curve
 from armdyn.optimal.problem.task import Task

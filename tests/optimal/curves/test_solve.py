@@ -6,7 +6,7 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.curve import Basis, Curve, graded
-from armdyn.optimal.curves.nlp_data import CurveSpec
+from armdyn.optimal.curves.layout import CurveSpec
 from armdyn.optimal.curves.solve import solve_curve
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.task import Task

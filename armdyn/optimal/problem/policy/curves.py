@@ -43,7 +43,6 @@ class CurvePolicy:
     strict: float = tuned(1.1, "-", "times that excess over the nearest point's own is the margin there", MARGINS)
     margin_kept: float = tuned(0.45, "of a margin", "kept where no limit is exceeded and the curve changes", MARGINS)
     small_excess: float = tuned(5e-5, "of half the range", "excess of which slowing down removes half")
-    calm_excess: float = tuned(3e-3, "of half the range", "accepted where time is then spent on calm joints")
     rounds: int = tuned(8, "rounds", "of tightening limits that are exceeded between the points, and of slowing down")
     profile_jerk_error: float = tuned(
         4e-3, "of a jerk limit", "between samples along profiles; 1e-2 is 0.01 to 0.1 % slower", "13 arms, seed 9997"

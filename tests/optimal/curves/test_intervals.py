@@ -5,15 +5,15 @@ import numpy as np
 import pytest
 
 from armdyn.dynamics import Dynamics
-from armdyn.optimal.curves.equations import (
-    POINTS,
+from armdyn.optimal.curves.layout import POINTS, curve_layout
+from armdyn.optimal.curves.nlp_data import assemble_curve
+from armdyn.optimal.curves.program import (
     CurveInterval,
     meeting_equations,
     rate_equations,
     torque_equations,
     torque_rate_equations,
 )
-from armdyn.optimal.curves.nlp_data import assemble_curve, curve_layout
 from optimal.curves.bends import bent, problem, spec, task
 
 

@@ -8,7 +8,7 @@ import pytest
 import scipy.sparse as sp
 from scipy.optimize import minimize
 
-from armdyn.optimal.curves.convex_step import ConvexStep, SoftRows, solve_step
+from armdyn.optimal.curves.sequential import ConvexStep, SoftRows, solve_step
 
 accurately = partial(solve_step, accuracy=1e-8)  # ten times as accurate as the conditions
 
