@@ -16,6 +16,7 @@ from armdyn.errors import TrajectoryError
 from armdyn.locks import cached_property
 from armdyn.models.robots.loads import load_of
 from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.answer.words import MOST_LIMITS
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.verify.certificate import VELOCITY_TOLERANCE
 from armdyn.optimal.verify.sensitivity import Share
@@ -68,10 +69,6 @@ def _dwells(cycle: Cycle, stop: RestPlace, q: Array, least: float = 0.0) -> Iter
             yield event, still.as_piece(name=cycle.name_of(k), load=load_of(arm), event=event)
             event = ""
     yield event if event != "wait" else "", None
-
-
-_MOST_LIMITS = 3
-"""Limits that are named as deciding the time."""
 
 
 @brief
@@ -134,7 +131,7 @@ class CycleSolution:
             parts.append(f"It is {gap_words(self.gap)}.")
         if self.cycle.conditions.get("kinematic"):
             parts.append("Torques are left out.")
-        if most := self.decides[:_MOST_LIMITS]:
+        if most := self.decides[:MOST_LIMITS]:
             parts.append(f"Its time is decided by {', '.join(f'{what} ({100 * part:.3g} %)' for what, part in most)}.")
         if self.lower_bound is not None:
             parts.append(f"No cycle is faster than {self.lower_bound:.6f} s.")

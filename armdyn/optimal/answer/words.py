@@ -18,7 +18,7 @@ from armdyn.reprs import gap_words, joint_unit, joints_of, more_payload, percent
 if TYPE_CHECKING:
     from armdyn.optimal.answer.solution import Solution
 
-_MOST_LIMITS = 3
+MOST_LIMITS = 3
 """Largest number of limits that are named as deciding the time."""
 
 
@@ -203,14 +203,14 @@ def decided_words(solution: Solution, names: Mapping[str, str] = MappingProxyTyp
     if not shares or not solution.usable:
         return ""
     shown = ", ".join(
-        f"{names.get(one.joint, one.joint)}'s {one.limit} {100 * one.part:.3g} %" for one in shares[:_MOST_LIMITS]
+        f"{names.get(one.joint, one.joint)}'s {one.limit} {100 * one.part:.3g} %" for one in shares[:MOST_LIMITS]
     )
     first, together = shares[0], sum(one.part for one in shares)
     alone = saving_words(first.part, solution.duration, first.saved, first.ties)
     saved = f"1 % more of the first alone {alone}"
     if len(shares) > 1:
         saved += f", 1 % more of all limits {short_time(together * solution.duration / 100, 2)}"
-    return f"{shown}{' …' if len(shares) > _MOST_LIMITS else ''}; {saved}"
+    return f"{shown}{' …' if len(shares) > MOST_LIMITS else ''}; {saved}"
 
 
 def solution_title(solution: Solution) -> str:
