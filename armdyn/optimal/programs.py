@@ -20,7 +20,7 @@ from armdyn.optimal.curves.nlp_data import assemble_curve
 from armdyn.optimal.curves.program import build, rows_of
 from armdyn.optimal.curves.refinement import sampled
 from armdyn.optimal.curves.solve import straight_curve, units_of
-from armdyn.optimal.mesh.assembly import Block, Program, with_rows
+from armdyn.optimal.mesh.assembly import Block, Program, build_nlp
 from armdyn.optimal.mesh.direct import assemble_mesh, legs_of
 from armdyn.optimal.mesh.ipopt import NlpData
 from armdyn.optimal.mesh.starts import spline
@@ -111,7 +111,7 @@ def build_mesh(
     task, intervals = _task(problem, intervals, guess)
     constraints = TightenedConstraints.of(task)
     data = assemble_mesh(task, guess or spline(task.problem, []), intervals, constraints)
-    nlp = with_rows(task.dynamics, task.scheme, intervals, constraints.rows(task.problem))
+    nlp = build_nlp(task.dynamics, task.scheme, intervals, constraints.rows(task.problem))
     layout, scales, n = data.layout, data.scales, task.problem.robot.nv
     states, middles = layout.states(intervals), layout.inner_states(intervals)[:, 0]
     knots = layout.knots(intervals)[:, layout.knot.torque]

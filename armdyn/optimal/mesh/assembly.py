@@ -98,32 +98,27 @@ class Program:
         return ca.Function("gradient", [x, p], [ca.gradient(f, x)])
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Nlp(Program):
-    """The program of a layout.
-
-    Attributes:
-        layout: layout of the unknowns, equations and parameters.
-        intervals: number of intervals N.
-    """
-
-    layout: Layout
-    intervals: int
-
-
-def build_nlp(dynamics: Dynamics, scheme: Scheme, intervals: int, more: Sequence[Block] = ()) -> Nlp:
+def build_nlp(dynamics: Dynamics, scheme: Scheme, intervals: int, rows: Sequence[StageRows] = ()) -> Program:
     """NLP of an arm: depends only on the model and the number of intervals, not on poses, limits, scales or payload.
 
     Args:
         dynamics: dynamics with a symbolic last body.
         scheme: transcription scheme.
-        intervals: number of intervals N.
-        more: blocks after the equations of motion; their own parameters follow `Parameters`.
+        intervals: number of intervals.
+        rows: rows after the equations of motion, each kind interval by interval; their own parameters follow
+            `Parameters`.
     """
-    layout, one = Layout(dynamics.nv, scheme), interval_functions(dynamics, scheme)
-    blocks = [Block(one, layout.intervals(intervals), Parameters.by_interval(dynamics.nv, intervals)), *more]
-    program = program_of(blocks, layout.size(intervals))
-    return Nlp(**vars(program), layout=layout, intervals=intervals)
+    layout, view = Layout(dynamics.nv, scheme), CollocationInterval(dynamics, scheme)
+    unknowns, parameters = layout.intervals(intervals), Parameters.by_interval(dynamics.nv, intervals)
+    blocks = [Block(interval_functions(dynamics, scheme), unknowns, parameters)]
+    first = Parameters.size(dynamics.nv, intervals)
+    for each in rows:
+        here = intervals_of(each, (intervals,))
+        numbers = (first + np.arange(each.numbers))[:, None].repeat(here.size, axis=1)
+        own = np.vstack([parameters[:, here], numbers])
+        blocks.append(Block(each.functions(view), unknowns[:, here], own, each.where == "sum"))
+        first += each.numbers
+    return program_of(blocks, layout.size(intervals))
 
 
 def program_of(blocks: Sequence[Block], size: int, paid: Sequence[int] = (), price: int = 0) -> Program:
@@ -203,11 +198,9 @@ class CondensedNlp(Program):
     """Program of a condensed layout.
 
     Attributes:
-        layout: layout of the unknowns, equations and parameters.
         middles: (w, p) -> states in the middle of the intervals, one column each, shape (2 nv, N).
     """
 
-    layout: CondensedLayout
     middles: ca.Function
 
 
@@ -224,7 +217,7 @@ def build_condensed(dynamics: Dynamics, scheme: Scheme, intervals: int) -> Conde
     program = program_of([block], layout.kept(intervals).size)
     x, p = program.functions["x"], program.functions["p"]
     middles = ca.Function("middles", [x, p], [middle.map(intervals)(*block.arguments(x, p))])
-    return CondensedNlp(**vars(program), layout=layout, middles=middles)
+    return CondensedNlp(**vars(program), middles=middles)
 
 
 @built_once(maxsize=16)
@@ -251,27 +244,3 @@ def _interval(dynamics: Dynamics, scheme: Scheme) -> tuple[IntervalFunctions, ca
     cost = by.fraction * duration * (1 + squares / 2)
     functions = differentiated("condensed", y, p, defects, cost, scheme.compile)
     return functions, ca.Function("condensed_middle", [y, p], [middle])
-
-
-def with_rows(dynamics: Dynamics, scheme: Scheme, intervals: int, rows: Sequence[StageRows]) -> Nlp:
-    """The program of `build_nlp` with further rows and parameters after its own.
-
-    Args:
-        dynamics: dynamics with a symbolic last body.
-        scheme: transcription scheme.
-        intervals: number of intervals.
-        rows: the rows; each kind is arranged interval by interval.
-    """
-    layout, view = Layout(dynamics.nv, scheme), CollocationInterval(dynamics, scheme)
-    unknowns, parameters = layout.intervals(intervals), Parameters.by_interval(dynamics.nv, intervals)
-    blocks, first = [], Parameters.size(dynamics.nv, intervals)
-    for each in rows:
-        here = intervals_of(each, (intervals,))
-        numbers = (first + np.arange(each.numbers))[:, None].repeat(here.size, axis=1)
-        blocks.append(
-            Block(
-                each.functions(view), unknowns[:, here], np.vstack([parameters[:, here], numbers]), each.where == "sum"
-            )
-        )
-        first += each.numbers
-    return build_nlp(dynamics, scheme, intervals, blocks)

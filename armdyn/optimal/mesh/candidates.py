@@ -9,7 +9,7 @@ import numpy as np
 
 from armdyn.optimal.mesh.condensed import has_stagewise, prepare_quickly, solve_quickly
 from armdyn.optimal.mesh.direct import Attempt, solve_on_mesh
-from armdyn.optimal.mesh.multistart import Job, SearchSettings, crossover_guesses, distinct, ranked, search
+from armdyn.optimal.mesh.multistart import Job, crossover_guesses, distinct, ranked, search
 from armdyn.optimal.mesh.starts import spline
 from armdyn.optimal.mesh.unknowns import doubled
 from armdyn.optimal.problem.options import SolverSettings
@@ -59,7 +59,7 @@ def find(task: Task) -> SearchResult:
     )
     prepare_quickly(task, task.intervals, task.fine())  # before the fork, too
     with task.pooled(has_stagewise(task)) as pooled:
-        attempts = _searched(pooled, count, SearchSettings(task.policy.search.meshes, task.coarse()), extra_jobs)
+        attempts = _searched(pooled, count, task.policy.search.meshes, extra_jobs)
         fine, coarse = (distinct(some, *same) for some in (attempts[: len(extra_jobs)], attempts[len(extra_jobs) :]))
         found = ranked([*fine, *coarse])  # the finer mesh's are kept apart: they cost no solve
         if not found:
@@ -76,7 +76,7 @@ def find(task: Task) -> SearchResult:
         several = count // share if at_speed(task, refined.attempts[0].trajectory) else count
         prepare_quickly(task, mesh, task.fine())
         with replace(near, intervals=mesh).pooled(has_stagewise(near)) as near:
-            again = _searched(near, several, SearchSettings(meshes, task.coarse()), known=refined.attempts)
+            again = _searched(near, several, meshes, known=refined.attempts)
             found = distinct([*refined.attempts, *again], *same)
             refined = _told_apart(near, found)
         iterations += sum(attempt.iterations for attempt in again)
@@ -86,7 +86,7 @@ def find(task: Task) -> SearchResult:
 def _searched(
     task: Task,
     count: int,
-    search_settings: SearchSettings,
+    meshes: Sequence[int],
     extra_jobs: Sequence[Job] = (),
     known: Sequence[Attempt] = (),
 ) -> list[Attempt]:
@@ -95,11 +95,11 @@ def _searched(
     Many guesses are split into several lineages of the default size: a single one forgets all but its best optima.
     """
     changes = round(task.policy.search.mutated * count)
-    attempts = search(task, count - changes, search_settings, extra_jobs)
+    settings = [(intervals, one) for one in task.coarse() for intervals in meshes]
+    attempts = search(task, count - changes, settings, extra_jobs)
     if not changes or len(attempts) < len(extra_jobs) + count - changes:  # early end, or time is up
         return attempts
-    # The smallest barrier stays nearest to a guess.
-    nearby = replace(search_settings, settings=search_settings.settings[:1])
+    nearby = settings[: len(meshes)]  # the smallest barrier stays nearest to a guess
     lineages = max(1, round(count / task.policy.search.starts))
     ends = [changes * k // lineages for k in range(lineages + 1)]
     for k, (first, end) in enumerate(pairwise(ends)):

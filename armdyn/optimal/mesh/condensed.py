@@ -9,19 +9,17 @@ import numpy as np
 from armdyn.arrays import Array
 from armdyn.optimal.mesh.assembly import CondensedNlp, build_condensed
 from armdyn.optimal.mesh.direct import Attempt, prepare, solve_on_mesh
-from armdyn.optimal.mesh.guesses import Guesses, condensed_starts
 from armdyn.optimal.mesh.ipopt import Ipopt, NlpData, ipopt_for
 from armdyn.optimal.mesh.layout import CondensedLayout, Layout
 from armdyn.optimal.mesh.stagewise.solver import Stagewise
+from armdyn.optimal.mesh.starts import Guesses
 from armdyn.optimal.mesh.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
 from armdyn.optimal.problem.options import Scheme, SolverSettings
+from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.optimum import effort_cost
 from armdyn.trajectory import Trajectory
-
-_RELAXED = 1e-8
-"""Largest excess of an unknown over its bound that is tolerated."""
 
 
 def condensable(task: Task) -> bool:
@@ -43,13 +41,14 @@ def solve_quickly(
     """
     if not condensable(task):
         return solve_on_mesh(task, guess, intervals, settings)
-    if between and _on_limits(task, guess):
-        return _within(task, guess, intervals, settings)
-    attempt, within = _condensed(task, guess, mesh(intervals), settings)
-    if within or not between or attempt.status is not Status.SOLVED:
-        return attempt
-    again = _within(task, attempt.trajectory, intervals, settings)
-    return replace(again, iterations=attempt.iterations + again.iterations)
+    near, before = guess, 0
+    if not (between and _on_limits(task, guess)):
+        attempt, within = _condensed(task, guess, mesh(intervals), settings)
+        if within or not between or not attempt.usable:
+            return attempt
+        near, before = attempt.trajectory, attempt.iterations
+    again = solve_on_knots(task, near, mesh(intervals), settings)
+    return replace(again, iterations=before + again.iterations, knots=None)
 
 
 def guess_jobs(
@@ -86,7 +85,7 @@ def _begun(guesses: Guesses, k: int, program: "_Program", settings: SolverSettin
 
 def _programs(task: Task, guesses: Guesses, intervals: int) -> "list[_Program]":
     """Condensed programs of guesses on one mesh."""
-    layout, weight = CondensedLayout(Layout(task.problem.robot.nv, task.scheme)), task.problem.effort_weight
+    layout, weight = _layout(task), task.problem.effort_weight
     starts, fractions = condensed_starts(task.problem, layout, guesses, intervals), np.diff(mesh(intervals))
     return [
         _Program(
@@ -94,6 +93,41 @@ def _programs(task: Task, guesses: Guesses, intervals: int) -> "list[_Program]":
         )
         for x, low, high, one in zip(*starts, strict=True)
     ]
+
+
+def condensed_starts(
+    problem: MinimumTimeProblem, layout: CondensedLayout, guesses: Guesses, intervals: int
+) -> tuple[Array, Array, Array, list[Scales]]:
+    """Scaled unknowns of the condensed programs of guesses, on a mesh of equal intervals.
+
+    Args:
+        problem: the minimum-time problem.
+        layout: layout with constant torques in the intervals.
+        guesses: the guesses.
+        intervals: number of intervals N.
+
+    Returns:
+        Initial unknowns, their lower and upper bounds, each of shape (k, unknowns), and the scales of each guess.
+    """
+    n, N, effort = problem.robot.nv, intervals, Scales.efforts(problem)
+    time, ways = guesses.durations, np.ptp(guesses.q, axis=1).max(axis=1)
+    scales = [Scales.sized(*sizes, effort) for sizes in zip(time, ways, strict=True)]
+    length, speed = (np.array([getattr(one, unit) for one in scales]) for unit in ("length", "speed"))
+    unit = np.empty((len(scales), 3 * n * N + 2 * n + 1))  # of x_0, u_0, x_1, …, x_N, T
+    at = unit[:, : 3 * n * N].reshape(len(scales), N, 3 * n)
+    at[..., :n], at[..., n : 2 * n], at[..., 2 * n :] = length[:, None, None], speed[:, None, None], 1.0
+    unit[:, -2 * n - 1 : -n - 1], unit[:, -n - 1 : -1], unit[:, -1] = length[:, None], speed[:, None], 1.0
+
+    knots = time[:, None] * np.concatenate([[0.0], np.cumsum(np.diff(mesh(N)))])
+    q, v, _ = guesses.at(knots)
+    tau = guesses.at((knots[:, :-1] + knots[:, 1:]) / 2)[2] / effort
+    inner = np.concatenate([q[:, :-1], v[:, :-1], tau], axis=2).reshape(len(scales), -1)
+    x = np.concatenate([inner, q[:, -1], v[:, -1], np.ones((len(scales), 1))], axis=1) / unit
+    # Bounds in rad, rad/s and the torque's scale.
+    sides = bounds(problem, layout.full, N, Scales(1.0, 1.0, 1.0, effort))
+    lower, upper = (side[layout.kept(N)] / unit for side in sides)
+    lower[:, -1] = np.maximum(problem.duration_bound() / time, 1e-3)
+    return np.clip(x, lower, upper), lower, upper, scales
 
 
 def has_stagewise(task: Task) -> bool:
@@ -135,13 +169,6 @@ def _on_limits(task: Task, guess: Trajectory) -> bool:
     return bool(beyond or np.any(np.abs(guess.v) >= (1 - near) * limits.velocity))
 
 
-def _within(task: Task, guess: Trajectory, intervals: int, settings: SolverSettings) -> Attempt:
-    """An attempt that satisfies all limits in the middle of the intervals, too."""
-    if not task.stop and isinstance(_solver(task, intervals, settings), Stagewise):
-        return _condensed(task, guess, mesh(intervals), settings, bounded=True)[0]
-    return solve_on_mesh(task, guess, intervals, settings)
-
-
 def _condensed(
     task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, bounded: bool = False, tie: float = 0.0
 ) -> tuple[Attempt, bool]:
@@ -159,7 +186,7 @@ def _condensed(
     if task.stop:
         return Attempt.unbegun(task.stop, guess, intervals), False
     problem, solver = task.problem, _solver(task, intervals, settings)
-    scales, layout = Scales.of(problem, guess), _layout(solver)
+    scales, layout = Scales.of(problem, guess), _layout(task)
     full, kept, fractions = layout.full, layout.kept(intervals), np.diff(knots)
     parameters = scales.parameters(fractions, scales.weights(problem.effort_weight, tie), task.dynamics.last_body)
     lower, upper = bounds(problem, full, intervals, scales)
@@ -169,7 +196,7 @@ def _condensed(
     program = _Program(start, parameters, (lower[kept], upper[kept]), scales, fractions)
     attempt, x = _solved(task, solver, program, middles)
     beyond = np.maximum(lower - x, x - upper)[inner]
-    return attempt, bool(np.max(beyond) <= max(settings.tolerance, _RELAXED))
+    return attempt, bool(np.max(beyond) <= settings.tolerance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +224,7 @@ def _solved(
         program: the program.
         middles: see `Stagewise.solve`; None: no bounds on the middles.
     """
-    problem, layout, fractions, scales = task.problem, _layout(solver), program.fractions, program.scales
+    problem, layout, fractions, scales = task.problem, _layout(task), program.fractions, program.scales
     full, intervals = layout.full, fractions.size
     equal = np.zeros(2 * full.nv * intervals)
     data = NlpData(program.x, program.p, program.bounds, (equal, equal))
@@ -216,8 +243,8 @@ def _solved(
     return Attempt(result.status, result.message, motion, intervals, result.iterations, violation, effort=effort), x
 
 
-def _layout(solver: Stagewise | Ipopt[CondensedNlp]) -> CondensedLayout:
-    return solver.layout if isinstance(solver, Stagewise) else solver.program.layout
+def _layout(task: Task) -> CondensedLayout:
+    return CondensedLayout(Layout(task.problem.robot.nv, task.scheme))
 
 
 def _solver(task: Task, intervals: int, settings: SolverSettings) -> Stagewise | Ipopt[CondensedNlp]:

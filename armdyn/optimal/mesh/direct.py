@@ -9,7 +9,7 @@ from armdyn.arrays import Array, Index
 from armdyn.locks import cached_property
 from armdyn.optimal.constraints.registry import Aim, TightenedConstraints
 from armdyn.optimal.constraints.rows import StageRows, numbers_of, row_bounds
-from armdyn.optimal.mesh.assembly import Nlp, with_rows
+from armdyn.optimal.mesh.assembly import Program, build_nlp
 from armdyn.optimal.mesh.interval import CollocationInterval
 from armdyn.optimal.mesh.ipopt import Ipopt, NlpData, ipopt_for
 from armdyn.optimal.mesh.layout import Layout
@@ -168,7 +168,7 @@ def assemble_mesh(
     knots: Array | None = None,
     tie: float = 0.0,
 ) -> MeshNlpData:
-    """Data of the nonlinear program of a mesh, whose equations are those of `with_rows`.
+    """Data of the nonlinear program of a mesh, whose equations are those of `build_nlp`.
 
     Args:
         task: the problem and its settings.
@@ -188,9 +188,7 @@ def assemble_mesh(
         fractions = np.diff(knots) / np.add.reduceat(np.diff(knots), legs.knots - legs.intervals)[legs.of_interval]
     weights = scales.weights(problem.effort_weight, tie)
     lower, upper = bounds(problem, layout, intervals, scales)
-    shares = fractions
-    if len(legs.intervals) > 1:
-        shares = fractions * legs.durations[legs.of_interval] / legs.durations.sum()
+    shares = fractions * (legs.durations / legs.durations.sum())[legs.of_interval]
     parameters = scales.parameters(fractions, weights, task.dynamics.last_body)
     x = to_unknowns(guess, layout, shares, scales)
     _fix_legs(problem, layout, legs, constraints.aim, scales, x, (lower, upper))
@@ -274,18 +272,15 @@ def _fix_legs(
     sides: tuple[Array, Array],
 ) -> None:
     """Write the legs' durations into a guess, and via points with their corrections into the bounds."""
-    (lower, upper), N, several = sides, int(legs.knots[-1]), len(legs.intervals) > 1
-    knots = layout.knots(N)
-    if several:
-        times = layout.times(N)
-        durations = legs.durations[np.append(legs.of_interval, legs.of_interval[-1])] / scales.time
-        least = np.maximum(problem.leg_bounds() / scales.time, 1e-3)[np.append(legs.of_interval, legs.of_interval[-1])]
-        x[times], lower[times] = durations, least
+    (lower, upper), N = sides, int(legs.knots[-1])
+    knots, times = layout.knots(N), layout.times(N)
+    of_knot = np.append(legs.of_interval, legs.of_interval[-1])
+    x[times] = legs.durations[of_knot] / scales.time
+    lower[times] = np.maximum(problem.leg_bounds() / scales.time, 1e-3)[of_knot]
     offsets = np.broadcast_to(aim.offsets, (len(legs.intervals), layout.nv))
     for knot, q, offset in zip(legs.knots, problem.poses[1:], offsets, strict=True):
-        if several or np.any(offset):
-            place = knots[knot, layout.knot.q]
-            lower[place] = upper[place] = (q + offset) / scales.length
+        place = knots[knot, layout.knot.q]
+        lower[place] = upper[place] = (q + offset) / scales.length
     for bound in sides:
         bound[knots[N, layout.knot.v]] += np.asarray(aim.end_velocity) / scales.speed
 
@@ -296,7 +291,7 @@ def prepare(task: Task, intervals: int, settings: SolverSettings) -> None:
         _solver(task, intervals, settings, TightenedConstraints.of(task).rows(task.problem))
 
 
-def _solver(task: Task, intervals: int, settings: SolverSettings, rows: tuple[StageRows, ...]) -> Ipopt[Nlp]:
+def _solver(task: Task, intervals: int, settings: SolverSettings, rows: tuple[StageRows, ...]) -> Ipopt[Program]:
     if (flat := task.policy.program.flat) is not None:
         settings = replace(settings, acceptable=Acceptable(flat, settings.tolerance))
-    return task.in_time(lambda scheme: ipopt_for(settings, with_rows, task.dynamics, scheme, intervals, rows))
+    return task.in_time(lambda scheme: ipopt_for(settings, build_nlp, task.dynamics, scheme, intervals, rows))

@@ -126,9 +126,10 @@ class Monitor(ca.Callback):
 
 P = TypeVar("P", bound=Program)
 
-_POLL, _SMALL = 5, 1000
-"""Iterations between polls of the stopping condition, by number of unknowns: a poll costs as much as the gradients of a
-small arm. Larger programs, with iterations of up to a tenth of a second, poll after each."""
+POLL, _SMALL = 10, 1000
+"""Iterations between polls of the stopping condition, and the most unknowns of programs that poll so rarely: a poll
+costs as much as the gradients of a small arm, and may wait for threads. Larger programs, with iterations of up to a
+tenth of a second, poll after each."""
 
 STATUS = {
     "Solve_Succeeded": Status.SOLVED,
@@ -162,7 +163,7 @@ class Ipopt(Generic[P]):
                 "jac_g": program.jacobian,
                 "hess_lag": program.hessian,
                 "iteration_callback": self._monitor,
-                "iteration_callback_step": _POLL if nx <= _SMALL else 1,
+                "iteration_callback_step": POLL if nx <= _SMALL else 1,
                 "calc_multipliers": False,
                 "calc_lam_p": False,
                 "inputs_check": False,  # CasADi warns of equations in fixed unknowns only

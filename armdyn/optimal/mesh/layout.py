@@ -113,13 +113,8 @@ class Layout:
 
     @property
     def rows(self) -> int:
-        """Number of an interval's equations: defects of (q, v), and last the difference of the final times."""
-        return self.defects.size + 1
-
-    @property
-    def defects(self) -> Index:
-        """Indices of the defects of q and v in the middle and at the end of an interval, shape (2, 2 nv)."""
-        return np.arange(4 * self.nv).reshape(2, 2 * self.nv)
+        """Number of equations: defects of (q, v) in the middle and at the end, and the difference of final times."""
+        return 4 * self.nv + 1
 
     @property
     def block(self) -> int:

@@ -6,7 +6,7 @@ ones where they bend or jump.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -240,42 +240,33 @@ def mesh_optimum(
     return best
 
 
-@dataclass(frozen=True, eq=False)
-class _Judged:
-    """Landed motion of a mesh, with the data for its refinement.
-
-    Attributes:
-        optimum: the motion, with its certificate.
-        saving: bound on the first-order saving, as a part of the duration; infinite: unknown.
-        to_divide: intervals to divide if the motion is nearly certified, shape (K,).
-    """
-
-    optimum: Optimum
-    saving: float
-    to_divide: Flags
+_Judged = tuple[Optimum, float, Flags]
+"""Landed motion of a mesh; bound on its first-order saving, as a part of the duration, infinite if unknown; and the
+intervals to divide if it is nearly certified, shape (K,)."""
 
 
 def _divided_until_certified(meshes: _Meshes, mesh: Attempt) -> Optimum | None:
     """Best motion of a mesh, divided repeatedly until certified; None if none reaches the goal."""
-    task, numbers, best = meshes.task, meshes.task.policy.motion_mesh, _judged(meshes.task, mesh)
-    if best is None:
+    task, numbers, judged = meshes.task, meshes.task.policy.motion_mesh, _judged(meshes.task, mesh)
+    if judged is None:
         return None
+    best, saving, to_divide = judged
     for k in range(numbers.further_meshes):
-        if not np.any(best.to_divide):
+        if not np.any(to_divide):
             break
-        velocity, position = excess(task, best.optimum)
+        velocity, position = excess(task, best)
         margins = MeshMargins(velocity if k else 0.0, position)  # shorter intervals: smaller excess
-        divided = meshes.sharp(mesh, _in_parts(mesh.mesh, np.where(best.to_divide, numbers.parts, 1)), margins)
-        found = None if divided is None else _judged(task, divided)
-        if divided is None or found is None or found.saving > max(best.saving, OPTIMALITY_TOLERANCE):
+        divided = meshes.sharp(mesh, _in_parts(mesh.mesh, np.where(to_divide, numbers.parts, 1)), margins)
+        judged = None if divided is None else _judged(task, divided)
+        if divided is None or judged is None or judged[1] > max(saving, OPTIMALITY_TOLERANCE):
             break
-        mesh, best = divided, found
-    early = mesh.ended_early and best.saving > OPTIMALITY_TOLERANCE / 5
-    if best.optimum.certificate.ok and early and (again := meshes.sharp(mesh, mesh.mesh)) is not None:
-        found = _judged(task, again)
-        if found is not None and found.optimum.certificate.ok and found.optimum.cost < best.optimum.cost:
-            best = found
-    return best.optimum
+        mesh, (best, saving, to_divide) = divided, judged
+    early = mesh.ended_early and saving > OPTIMALITY_TOLERANCE / 5
+    if best.certificate.ok and early and (again := meshes.sharp(mesh, mesh.mesh)) is not None:
+        judged = _judged(task, again)
+        if judged is not None and judged[0].certificate.ok and judged[0].cost < best.cost:
+            best = judged[0]
+    return best
 
 
 def _judged(task: Task, attempt: Attempt) -> _Judged | None:
@@ -301,7 +292,7 @@ def _judged(task: Task, attempt: Attempt) -> _Judged | None:
     certificate = repeated(problem, found.trajectory, certificate)  # not repeatable: try another optimum
     known = costates if saving <= OPTIMALITY_TOLERANCE else None
     to_divide = _to_divide(task, motion, replay, costates)
-    return _Judged(replace(found, certificate=certificate, costates=known), saving, to_divide)
+    return replace(found, certificate=certificate, costates=known), saving, to_divide
 
 
 def _to_divide(task: Task, motion: Shooting, replay: Trajectory, costates: MeshCostates | None) -> Flags:

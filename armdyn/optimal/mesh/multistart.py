@@ -8,7 +8,6 @@ and Locatelli, 2011.)
 
 from bisect import insort
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
 
@@ -16,8 +15,7 @@ import numpy as np
 
 from armdyn.optimal.mesh.condensed import guess_jobs, prepare_quickly
 from armdyn.optimal.mesh.direct import Attempt
-from armdyn.optimal.mesh.guesses import Guesses
-from armdyn.optimal.mesh.starts import SAMPLES, splines, via_guesses
+from armdyn.optimal.mesh.starts import SAMPLES, Guesses, splines, via_guesses
 from armdyn.optimal.problem.options import SolverSettings
 from armdyn.optimal.problem.policy.search import SearchPolicy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -83,24 +81,11 @@ Job = Callable[[Task], Attempt]
 """A solve as a function of the task; it is pickled."""
 
 
-@dataclass(frozen=True)
-class SearchSettings:
-    """Meshes and solver settings of guesses, used in turn.
-
-    Attributes:
-        meshes: number of intervals of each mesh.
-        settings: IPOPT's settings; the next one after every round of the meshes.
-    """
-
-    meshes: Sequence[int]
-    settings: Sequence[SolverSettings]
-
-    def for_guess(self, k: int) -> tuple[int, SolverSettings]:
-        """Number of intervals and solver settings for the guess k."""
-        return self.meshes[k % len(self.meshes)], self.settings[k // len(self.meshes) % len(self.settings)]
+Settings = Sequence[tuple[int, SolverSettings]]
+"""Number of intervals and solver settings of guesses, used in turn."""
 
 
-def search(task: Task, count: int, search_settings: SearchSettings, extra_jobs: Sequence[Job] = ()) -> list[Attempt]:
+def search(task: Task, count: int, settings: Settings, extra_jobs: Sequence[Job] = ()) -> list[Attempt]:
     """Attempts from guesses, in the order of the guesses; the first guess is the straight path.
 
     The same seed gives the same attempts on any number of cores.
@@ -108,18 +93,17 @@ def search(task: Task, count: int, search_settings: SearchSettings, extra_jobs: 
     Args:
         task: the problem and its settings.
         count: number of guesses; fewer are solved if few optima recur.
-        search_settings: meshes and solver settings, used in turn.
+        settings: meshes and solver settings, used in turn.
         extra_jobs: other solves, which come first.
     """
     numbers = task.policy.search
     vias = via_guesses(task.problem, task.options.seed, count, (numbers.spread, numbers.uniform_spread), numbers)
-    for intervals in search_settings.meshes:  # before the fork, so that every worker has them
-        for setting in search_settings.settings:
-            prepare_quickly(task, intervals, setting)
+    for each in settings:  # before the fork, so that every worker has them
+        prepare_quickly(task, *each)
 
     attempts, solved = list[Attempt](), list[float]()
     guesses = splines(task.problem, vias, numbers.guess_duration)
-    jobs = [*extra_jobs, *guess_jobs(task, guesses, [search_settings.for_guess(k) for k in range(count)])]
+    jobs = [*extra_jobs, *guess_jobs(task, guesses, [settings[k % len(settings)] for k in range(count)])]
     for attempt in in_batches(jobs[:1] if task.stop else jobs, task):
         attempts.append(attempt)
         own = len(attempts) - len(extra_jobs)
@@ -170,7 +154,7 @@ def enough(solved: int, optima: int) -> bool:
 
 
 def crossover_guesses(
-    task: Task, attempts: Sequence[Attempt], count: int, search_settings: SearchSettings, first: int = 0
+    task: Task, attempts: Sequence[Attempt], count: int, settings: Settings, first: int = 0
 ) -> list[Attempt]:
     """Attempts from children of the best optima, round by round, from the best so far.
 
@@ -180,7 +164,7 @@ def crossover_guesses(
         task: the problem and its settings.
         attempts: attempts of the search so far.
         count: number of children.
-        search_settings: meshes and solver settings, used in turn.
+        settings: meshes and solver settings, used in turn.
         first: index of the first child, which varies the random numbers.
     """
     numbers, same, children = task.policy.search, task.policy.same, list[Attempt]()
@@ -195,7 +179,7 @@ def crossover_guesses(
         several = range(first + len(children), first + min(count, len(children) + 8 * numbers.batch))
         seeded = [(np.random.default_rng([task.options.seed, k]), k) for k in several]
         guesses = Guesses.joined([crossover(task.problem, parents, random, k, numbers) for random, k in seeded])
-        children += in_batches(guess_jobs(task, guesses, [search_settings.for_guess(k) for k in several]), task)
+        children += in_batches(guess_jobs(task, guesses, [settings[k % len(settings)] for k in several]), task)
     return children
 
 

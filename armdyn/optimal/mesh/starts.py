@@ -1,25 +1,85 @@
 """Initial guesses of a solve: a `Trajectory`, as for a coarse solution, or a `Curve`."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
+from typing import Self
 
 import numpy as np
 import pinocchio as pin
 from scipy.interpolate import BPoly
 
-from armdyn.arrays import Array
+from armdyn.arrays import Array, Index
 from armdyn.dynamics.numeric import joint_inertia
 from armdyn.models.reading.urdf_arm import configurations
 from armdyn.optimal.constraints.constraint import Path
 from armdyn.optimal.constraints.registry import path_constraints_of
-from armdyn.optimal.mesh.guesses import Guesses
 from armdyn.optimal.problem.policy.policy import Policy
 from armdyn.optimal.problem.policy.search import SearchPolicy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.trajectory import Trajectory
+from armdyn.trajectory.interpolation import cubic
 
 SAMPLES = 51
 """Samples of a guess: twice as many lead to the same optima on the search's meshes, and take twice as long."""
+
+
+@dataclass(frozen=True, eq=False)
+class Guesses:
+    """Motions as initial guesses, all with the same number of samples.
+
+    Attributes:
+        t: times [s], from 0, shape (k, samples).
+        q: joint positions [rad or m], shape (k, samples, nv).
+        v: joint velocities [rad/s or m/s], shape (k, samples, nv).
+        tau: joint torques [N m or N], shape (k, samples, nv).
+    """
+
+    t: Array
+    q: Array
+    v: Array
+    tau: Array
+
+    @property
+    def durations(self) -> Array:
+        """Duration of each guess [s], shape (k,)."""
+        return np.asarray(self.t[:, -1])
+
+    @classmethod
+    def sampled(cls, motions: Sequence[Trajectory], samples: int) -> Self:
+        """Sample motions at evenly spaced times, the same number for each."""
+        t = [np.linspace(0, 1, samples) * motion.duration for motion in motions]
+        at = [motion(motion.t[0] + times) for motion, times in zip(motions, t, strict=True)]
+        return cls(np.stack(t), *(np.stack(parts) for parts in zip(*at, strict=True)))
+
+    @classmethod
+    def joined(cls, several: Sequence["Guesses"]) -> Self:
+        """Concatenate guesses that have the same number of samples."""
+        parts = zip(*((one.t, one.q, one.v, one.tau) for one in several), strict=True)
+        return cls(*(np.concatenate(part) for part in parts))
+
+    def chosen(self, which: Sequence[int]) -> "Guesses":
+        """The guesses at given indices."""
+        at: Index = np.array(which)
+        return Guesses(self.t[at], self.q[at], self.v[at], self.tau[at])
+
+    def motion(self, k: int, joint_names: tuple[str, ...]) -> Trajectory:
+        """One guess as a motion."""
+        return Trajectory(self.t[k], self.q[k], self.v[k], self.tau[k], joint_names, "start")
+
+    def at(self, times: Array) -> tuple[Array, Array, Array]:
+        """Positions, velocities and torques at times of each guess, shape (k, n); each result has shape (k, n, nv).
+
+        Bitwise equal to `Trajectory`: last bits decide between optima that lie close together.
+        """
+        t, at = self.t, np.minimum(times, self.t[:, -1:])
+        found = [np.searchsorted(own, some, side="right") - 1 for own, some in zip(t, at, strict=True)]
+        k = np.clip(found, 0, self.q.shape[1] - 2)
+        each = np.arange(len(k))[:, None]
+        left, h = t[each, k], (t[each, k + 1] - t[each, k])[..., None]
+        s = (at - left)[..., None] / h
+        (q0, q1), (v0, v1), (tau0, tau1) = ((own[each, k], own[each, k + 1]) for own in (self.q, self.v, self.tau))
+        return *cubic(s, h, (q0, q1), (v0, v1)), tau0 + s * (tau1 - tau0)
 
 
 def via_guesses(

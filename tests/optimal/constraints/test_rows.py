@@ -10,9 +10,10 @@ from armdyn.optimal.constraints.regions import region_rows
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.constraints.rows import StageRows, differentiated, numbers_of, row_bounds
 from armdyn.optimal.curves.program import CurveInterval, _torques
-from armdyn.optimal.mesh.assembly import build_nlp, with_rows
+from armdyn.optimal.mesh.assembly import build_nlp
 from armdyn.optimal.mesh.direct import legs_of, solve_on_mesh
 from armdyn.optimal.mesh.interval import CollocationInterval
+from armdyn.optimal.mesh.layout import Layout
 from armdyn.optimal.mesh.starts import spline
 from armdyn.optimal.problem.options import Scheme
 from armdyn.optimal.problem.task import Task
@@ -48,10 +49,10 @@ def test_derivatives():
     dynamics, rows, N = ad.Dynamics(problem.robot, free_last_body=True), constraints.rows(problem), 2
     values = constraints.values(problem)
     nlp = build_nlp(dynamics, scheme, N)
-    more = with_rows(dynamics, scheme, N, rows)
+    more = build_nlp(dynamics, scheme, N, rows)
     x, p, f, g = (more.functions[name] for name in "xpfg")
     lower, upper = row_bounds(rows, values, CollocationInterval(dynamics, scheme), N)
-    assert lower.size == upper.size == g.numel() - N * nlp.layout.rows and np.all(lower <= upper)
+    assert lower.size == upper.size == g.numel() - N * Layout(dynamics.nv, scheme).rows and np.all(lower <= upper)
     lam, sigma = ca.MX.sym("lam", g.numel()), ca.MX.sym("sigma")
     expected = ca.Function(
         "expected",

@@ -11,6 +11,7 @@ from scipy.sparse.linalg import spsolve
 
 from armdyn.dynamics import Dynamics
 from armdyn.optimal.mesh.assembly import build_nlp, scatter
+from armdyn.optimal.mesh.layout import Layout
 from armdyn.optimal.mesh.unknowns import Scales, to_unknowns
 from armdyn.optimal.problem.options import Scheme
 from armdyn.trajectory import Trajectory
@@ -49,9 +50,9 @@ def test_defects_vanish_on_a_motion_that_collocation_integrates_exactly(scheme):
     tau, t = 0.7, np.linspace(0, 0.4, 9)
     a = float(dynamics.aba([0.0], [0.0], [tau], dynamics.last_body)[0])
     motion = Trajectory(t, (-1 + a * t[:, None] ** 2 / 2), a * t[:, None], np.full((9, 1), tau))
-    nlp = build_nlp(dynamics, scheme, 8)
+    nlp, layout = build_nlp(dynamics, scheme, 8), Layout(dynamics.nv, scheme)
     scales, fractions = Scales(0.4, 1.0, 2.5, np.array([3.0])), np.full(8, 1 / 8)
-    x = to_unknowns(motion, nlp.layout, fractions, scales)
+    x = to_unknowns(motion, layout, fractions, scales)
     parameters = scales.parameters(fractions, scales.weights(0.0), dynamics.last_body)
     g = ca.Function("g", [nlp.functions["x"], nlp.functions["p"]], [nlp.functions["g"], nlp.functions["f"]])
     defects, cost = g(x, parameters)
@@ -99,21 +100,21 @@ def test_order_measured_through_the_nonlinear_program(control, swing):
     scales = Scales(exact.duration, 1.0, 10.0, np.array([3.0, 3.0]))
 
     def error(intervals):
-        nlp = build_nlp(dynamics, scheme, intervals)
+        nlp, layout = build_nlp(dynamics, scheme, intervals), Layout(dynamics.nv, scheme)
         fractions = np.full(intervals, 1 / intervals)
         p = scales.parameters(fractions, scales.weights(0.0), dynamics.last_body)
-        x = to_unknowns(exact, nlp.layout, fractions, scales)
+        x = to_unknowns(exact, layout, fractions, scales)
         free = np.ones(x.size, dtype=bool)
-        free[nlp.layout.knots(intervals)[0]] = False  # the state and the duration at the start
-        held = nlp.layout.knots(intervals)[:, nlp.layout.knot.torque]
-        free[held if nlp.layout.linear else nlp.layout.torques(intervals)] = False
+        free[layout.knots(intervals)[0]] = False  # the state and the duration at the start
+        held = layout.knots(intervals)[:, layout.knot.torque]
+        free[held if layout.linear else layout.torques(intervals)] = False
         for _ in range(20):
             g, jacobian = nlp.jacobian(x, p)
             step = spsolve(jacobian.sparse()[:, free], np.array(g).ravel())
             x[free] -= step
             if np.max(np.abs(step)) < 1e-12:  # the next one is at rounding: Newton's method is quadratic
                 break
-        q, v = x[nlp.layout.states(intervals)[-1]].reshape(2, -1)
+        q, v = x[layout.states(intervals)[-1]].reshape(2, -1)
         end = np.concatenate([scales.length * q, scales.speed * v])
         return np.max(np.abs(end - [*exact.q[-1], *exact.v[-1]]))
 

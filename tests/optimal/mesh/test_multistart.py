@@ -10,9 +10,7 @@ from hypothesis import strategies as st
 
 import armdyn as ad
 from armdyn.optimal.mesh.direct import Attempt
-from armdyn.optimal.mesh.guesses import Guesses
 from armdyn.optimal.mesh.multistart import (
-    SearchSettings,
     crossover,
     crossover_guesses,
     distinct,
@@ -22,11 +20,17 @@ from armdyn.optimal.mesh.multistart import (
     search,
     within,
 )
-from armdyn.optimal.mesh.starts import SAMPLES, spline
+from armdyn.optimal.mesh.starts import SAMPLES, Guesses, spline
 from armdyn.optimal.problem.options import MinimumTimeOptions
 from armdyn.optimal.problem.policy.policy import Policy
 from armdyn.optimal.problem.task import Task
 from problems import paper_problem
+
+
+def settings_of(task):
+    """Meshes and solver settings of a search's guesses."""
+    return [(intervals, one) for one in task.coarse() for intervals in task.policy.search.meshes]
+
 
 STATUSES = st.sampled_from([ad.Status.SOLVED, ad.Status.SOLVED, ad.Status.FAILED, ad.Status.ITERATION_LIMIT])
 
@@ -188,9 +192,9 @@ def test_a_childs_velocities_are_the_derivative_of_its_positions(number, seed):
 def test_crossover_is_the_same_on_any_number_of_cores_and_finds_better_optima():
     def found(workers):
         task = Task.of(PROBLEM, MinimumTimeOptions(workers=workers))
-        search_settings = SearchSettings(task.policy.search.meshes, task.coarse())
-        first = search(task, 12, search_settings)
-        return first, crossover_guesses(task, first, 24, search_settings)
+        settings = settings_of(task)
+        first = search(task, 12, settings)
+        return first, crossover_guesses(task, first, 24, settings)
 
     (first, alone), (_, together) = found(1), found(2)
     assert len(alone) == 24
@@ -201,18 +205,18 @@ def test_crossover_is_the_same_on_any_number_of_cores_and_finds_better_optima():
 
 def test_without_optima_there_is_no_crossover():
     task = Task.of(PROBLEM, MinimumTimeOptions(workers=1))
-    first = search(task, 1, SearchSettings(task.policy.search.meshes, task.coarse()))
+    first = search(task, 1, settings_of(task))
     failed = [replace(attempt, status=type(attempt.status).FAILED) for attempt in first]
-    assert crossover_guesses(task, failed, 6, SearchSettings(task.policy.search.meshes, task.coarse())) == []
+    assert crossover_guesses(task, failed, 6, settings_of(task)) == []
 
 
 def test_later_children_of_the_same_ancestors_are_different():
     task = Task.of(PROBLEM, MinimumTimeOptions(workers=1))
-    search_settings = SearchSettings(task.policy.search.meshes, task.coarse())
-    ancestors = search(task, 4, search_settings)
+    settings = settings_of(task)
+    ancestors = search(task, 4, settings)
     both, later = (
-        crossover_guesses(task, ancestors, 4, search_settings),
-        crossover_guesses(task, ancestors, 2, search_settings, first=2),
+        crossover_guesses(task, ancestors, 4, settings),
+        crossover_guesses(task, ancestors, 2, settings, first=2),
     )
     # Changes of one round depend on their numbers and their ancestors alone.
     assert [a.trajectory.duration for a in later] == [a.trajectory.duration for a in both[2:]]

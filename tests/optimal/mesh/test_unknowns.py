@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from armdyn.dynamics import Dynamics
-from armdyn.optimal.mesh.assembly import build_nlp
+from armdyn.optimal.mesh.layout import Layout
 from armdyn.optimal.mesh.starts import spline
 from armdyn.optimal.mesh.unknowns import Scales, bounds, to_trajectory, to_unknowns
 from armdyn.optimal.problem.options import Scheme
@@ -21,7 +20,7 @@ N = 6
 
 @cache
 def layout_of(scheme, intervals=N):
-    return build_nlp(Dynamics(paper_problem("rr").robot, free_last_body=True), scheme, intervals).layout
+    return Layout(2, scheme)
 
 
 def cubic(coefficients, t):

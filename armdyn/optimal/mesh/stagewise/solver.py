@@ -12,7 +12,7 @@ from armdyn.codegen.compiled import compiled_library
 from armdyn.codegen.lanes import UnwrittenError, in_lanes, prelude, table
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
-from armdyn.optimal.mesh.ipopt import STATUS, NlpData, NlpResult
+from armdyn.optimal.mesh.ipopt import POLL, STATUS, NlpData, NlpResult
 from armdyn.optimal.mesh.layout import CondensedLayout, Layout, Parameters
 from armdyn.optimal.mesh.stages import StageFunctions
 from armdyn.optimal.problem.options import Scheme, SolverSettings
@@ -101,8 +101,6 @@ def _source(joints: int, one: StageFunctions) -> str:
     )
 
 
-_POLL = 10
-"""Iterations between polls of the stopping condition: half a millisecond; taking Python's lock may wait for threads."""
 _STATUSES = (
     "Solve_Succeeded",
     "Solved_To_Acceptable_Level",
@@ -181,7 +179,7 @@ class Stagewise:
 
         code = self.library.solve(
             self.intervals, slacks > 0, *map(_pointer, given), ctypes.byref(self._settings),
-            _POLL, MONITOR(monitor), *map(_pointer, (w, lam, z)), ctypes.byref(count),
+            POLL, MONITOR(monitor), *map(_pointer, (w, lam, z)), ctypes.byref(count),
         )  # fmt: skip
         if raised:
             raise raised[0]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.mesh.condensed import _within, solve_quickly
+from armdyn.optimal.mesh.condensed import solve_on_knots, solve_quickly
 from armdyn.optimal.mesh.direct import solve_on_mesh
 from armdyn.optimal.mesh.ipopt import NlpData
 from armdyn.optimal.mesh.stagewise.solver import Stagewise
@@ -65,7 +65,7 @@ def test_limits_in_the_middle_of_intervals_as_with_all_unknowns(kind):
     problem = paper_problem("rr", **kind)
     task = replace(Task.of(problem), scheme=CONSTANT)
     full = solve_on_mesh(task, spline(problem, []), N, TIGHT)
-    again = _within(task, full.trajectory, N, TIGHT)
+    again = solve_on_knots(task, full.trajectory, mesh(N), TIGHT)
     assert full.status is again.status is ad.Status.SOLVED
     assert again.trajectory.duration == pytest.approx(full.trajectory.duration, rel=1e-7)  # both to 1e-9, scaled
     np.testing.assert_allclose(again.trajectory.q, full.trajectory.q, atol=2e-5)  # by the square root, in the optimum

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from armdyn.optimal.mesh.guesses import Guesses, condensed_starts
+from armdyn.optimal.mesh.condensed import condensed_starts
 from armdyn.optimal.mesh.layout import CondensedLayout, Layout
-from armdyn.optimal.mesh.starts import splines, via_guesses
+from armdyn.optimal.mesh.starts import Guesses, splines, via_guesses
 from armdyn.optimal.mesh.unknowns import Scales, bounds, mesh, to_unknowns
 from armdyn.optimal.problem.task import Task
 from problems import paper_problem
