@@ -13,7 +13,7 @@ from armdyn.cycle.graph import Arc, CycleGraph
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.bound.chain import covers
 from armdyn.optimal.bound.lattice import Effort, Lattice, Region, Stopped
-from armdyn.optimal.bound.leg import BoundLeg, legs_of
+from armdyn.optimal.bound.leg import BoundLeg, bound_legs
 from armdyn.optimal.problem.policy.bound import BoundPolicy
 
 
@@ -60,7 +60,7 @@ def _legs(graph: CycleGraph) -> dict[Arc, BoundLeg] | None:
         problem = next((posed for edge in edges if (posed := graph.problem(edge)) is not None), None)
         if problem is None:
             return None
-        found[arc] = legs_of(problem, replace(BoundPolicy(), at_once=1))[0]
+        found[arc] = bound_legs(problem, replace(BoundPolicy(), at_once=1))[0]
     return found
 
 

@@ -27,7 +27,7 @@ from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.verify.arc import runs_of
 from armdyn.optimal.verify.certificate import LIMIT_TOLERANCE, OPEN_LOOP_GROWTH
 from armdyn.optimal.verify.rollout import Segments, expect_motion_of, replay_torques
-from armdyn.optimal.verify.within_limits import proven, torque_excess
+from armdyn.optimal.verify.within_limits import excesses, proven_excess
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.interpolation import KEPT
@@ -110,8 +110,8 @@ def check_motion(
         given.append(_accelerations(a, trajectory))
     at = np.append(True, ~trajectory.jumps)  # of the two samples of a jump the first is a row
     rows = check_table(limits, robot.joint_names, trajectory.t[at], [each[at] for each in given])
-    torque = torque_excess(limits, trajectory)
-    shown = proven(robot, trajectory, torque)
+    torque = excesses(limits, trajectory)[0]
+    shown = proven_excess(robot, trajectory, torque)
     found = [shown.worst(robot)] if shown.share > 0 else []
     found += [_violation(robot, row) for row in rows if row.share > 1]
     violation = max(found, key=attrgetter("value"), default=None)

@@ -232,11 +232,6 @@ def accelerations(leg: BoundLeg, cells: Cells) -> Array:
     return np.minimum(leg.acceleration, up(since[:, None] * leg.jerk))
 
 
-def finite(limits: Array) -> Array:
-    """Limits, with 0 for infinite ones."""
-    return np.where(np.isfinite(limits), limits, 0.0)
-
-
 def torques(leg: BoundLeg, cells: Cells) -> Interval:
     """Torques in every cell [N m or N], shape (n, nv)."""
     actuators = leg.torque.actuators
@@ -336,7 +331,7 @@ def by_momentum(leg: BoundLeg, end: End, times: Interval, forces: Forces, stop: 
 
 def _accelerated(end: End, times: Array, most: Array) -> Interval:
     """Bounds by the largest accelerations, shape (k, nv)."""
-    margin = (Interval.at(times[:, None]) * Interval.at(finite(most))).running().upper[1:]
+    margin = (Interval.at(times[:, None]) * Interval.at(np.nan_to_num(most, posinf=0.0))).running().upper[1:]
     margin = np.where(np.isfinite(most), margin, np.inf)
     return Interval.at(end.v) + Interval(-margin, margin)
 

@@ -25,7 +25,7 @@ from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.bound.enclosure import ROUNDED, TURN, Interval, down, sum_down, up
 from armdyn.optimal.bound.frame_sets import BoundRegion, GoalSet, Within, clusters, is_closed
 from armdyn.optimal.bound.lattice import Effort, Lattice, Region, Stopped, polled
-from armdyn.optimal.bound.leg import BoundLeg, least_time, legs_of
+from armdyn.optimal.bound.leg import BoundLeg, bound_legs, least_time
 from armdyn.optimal.bound.leg_bound import Passage
 from armdyn.optimal.constraints.regions import FrameRegion
 from armdyn.optimal.constraints.registry import path_constraints_of
@@ -128,7 +128,7 @@ def _runs(
     passages: list[Passage | None] = []
     places = [stops[0]]
     for problem, passed, stop in zip(problems, via, stops[1:], strict=True):
-        own = legs_of(problem, policy)
+        own = bound_legs(problem, policy)
         begins = [own[0].start, *(replace(own[0].start, v=None) for _ in passed)]
         ends = [*(replace(own[-1].goal, v=None) for _ in passed), own[-1].goal]
         legs += [replace(own[0], start=begin, goal=end) for begin, end in zip(begins, ends, strict=True)]

@@ -125,7 +125,7 @@ class Interval:
         """Convex hull of the union."""
         return Interval(np.minimum(self.lower, other.lower), np.maximum(self.upper, other.upper))
 
-    def turned(self, axes: tuple[int, ...]) -> Interval:
+    def transposed(self, axes: tuple[int, ...]) -> Interval:
         """Transpose."""
         return Interval(
             np.ascontiguousarray(self.lower.transpose(axes)), np.ascontiguousarray(self.upper.transpose(axes))
@@ -370,7 +370,7 @@ def terms_over(dynamics: Dynamics, q: Interval) -> Terms:
     full = np.empty((n, n), dtype=np.intp)
     full[rows, columns] = full[columns, rows] = np.arange(len(rows))
     values, derivatives = _programs(dynamics)
-    turned = q.turned((1, 0))
+    turned = q.transposed((1, 0))
     forms, inertia_derivatives = values.forms(turned), derivatives.forms(turned)
     at_centres = values.over(Interval.at(turned.centre))[: len(rows)]
     better = _by_derivatives(at_centres, inertia_derivatives, turned.radius)
@@ -382,13 +382,13 @@ def terms_over(dynamics: Dynamics, q: Interval) -> Terms:
         np.where(narrower, better.rest, inertia.rest),
     )
     return Terms(
-        inertia=_constant(inertia)[full].turned((2, 0, 1)),
-        gravity=_constant(fall).turned((1, 0)),
-        inertia_gradient=Interval.at(inertia.gradient)[full].turned((3, 2, 0, 1)),
-        gravity_gradient=Interval.at(fall.gradient).turned((2, 1, 0)),
+        inertia=_constant(inertia)[full].transposed((2, 0, 1)),
+        gravity=_constant(fall).transposed((1, 0)),
+        inertia_gradient=Interval.at(inertia.gradient)[full].transposed((3, 2, 0, 1)),
+        gravity_gradient=Interval.at(fall.gradient).transposed((2, 1, 0)),
         inertia_derivatives=inertia_derivatives.interval.meet(derivatives.over(turned))
         .shaped((n, len(rows), boxes))
-        .turned((2, 1, 0)),
+        .transposed((2, 1, 0)),
     )
 
 

@@ -186,7 +186,7 @@ class GoalSet:
             order = np.argsort(self.within.times(boxes, self.turning), kind="stable")
             batch, later = boxes[order[: self.policy.few]], boxes[order[self.policy.few :]]
             examined += len(batch.lower)
-            forms = self._widened(equations.forms(batch.turned((1, 0))))
+            forms = self._widened(equations.forms(batch.transposed((1, 0))))
             batch, left = narrowed(batch, forms, self.policy)  # left: their indices in `forms`
             near = self.within.times(batch, self.turning) < self.within.duration
             batch, left = batch[near], left[near]
@@ -405,7 +405,7 @@ class BoundRegion:
             Shape (m, boxes).
         """
         function, moving = _deviations(self.dynamics, self.goal)
-        forms, most = function.forms(boxes.turned((1, 0))), self.goal.deviations.copy()
+        forms, most = function.forms(boxes.transposed((1, 0))), self.goal.deviations.copy()
         if self.goal.axis is not None:
             most[3:] = np.inf  # deviations of a free axis are defined differently
         limit = np.repeat(most[:, None], len(boxes.lower), axis=1)

@@ -150,7 +150,7 @@ def lines_of(actuators: ActuatorLimits, forces: Forces) -> tuple[Line, ...]:
     return tuple(found)
 
 
-def shares_of(lines: Array, whole: Array) -> Array:
+def line_shares(lines: Array, whole: Array) -> Array:
     """Shares of the lines in multipliers w, shape (lines, nodes, nv); over the lines they sum up to at most 1.
 
     Args:
@@ -311,7 +311,7 @@ class BoundLeg:
         return np.maximum(times, profiles.durations * (1 - ROUNDED))
 
 
-def legs_of(problem: MinimumTimeProblem, policy: BoundPolicy) -> tuple[BoundLeg, ...]:
+def bound_legs(problem: MinimumTimeProblem, policy: BoundPolicy) -> tuple[BoundLeg, ...]:
     """The legs of a problem, in order, without its via regions, which only make motions slower.
 
     Poses and velocities may be slightly beyond the limits as given; the limits are widened to contain them.

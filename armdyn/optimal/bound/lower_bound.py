@@ -19,7 +19,7 @@ from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.bound.enclosure import ROUNDED, Interval, sum_down
 from armdyn.optimal.bound.frame_sets import GoalSet, Within, clusters
 from armdyn.optimal.bound.lattice import Region
-from armdyn.optimal.bound.leg import BoundLeg, legs_of
+from armdyn.optimal.bound.leg import BoundLeg, bound_legs
 from armdyn.optimal.bound.leg_bound import leg_bound
 from armdyn.optimal.problem.policy.bound import BoundPolicy
 from armdyn.optimal.problem.poses import MOST_GOALS, endless
@@ -164,7 +164,7 @@ def lower_bound(
         problem = problem.without_torques()
     if problem.goal_pose is None and len(problem.goals) > 1:
         return _least_over_turns(problem, stopped, numbers)
-    *legs, last = legs_of(problem, numbers)
+    *legs, last = bound_legs(problem, numbers)
     if problem.goal_pose is None:
         slowest, fastest = leg_bound(last, stopped), last.shortest
     else:

@@ -44,9 +44,9 @@ from itertools import pairwise
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.optimal.bound.cells import Cells, accelerations, at_ends, finite
+from armdyn.optimal.bound.cells import Cells, accelerations, at_ends
 from armdyn.optimal.bound.enclosure import Indices, Interval, down, rounding, stacked
-from armdyn.optimal.bound.leg import BoundLeg, Forces, LegEnd, Line, lines_of, rate_by_lines, shares_of
+from armdyn.optimal.bound.leg import BoundLeg, Forces, LegEnd, Line, line_shares, lines_of, rate_by_lines
 from armdyn.optimal.bound.linear_program import CONVERGED, LARGEST, LinearProgram
 
 
@@ -73,7 +73,7 @@ class Multipliers:
         """Time after the start, or before the goal, in which torque or acceleration matters [s]: the longer one."""
         torque = leg.torque.actuators.strongest
         most = np.max(accelerations(leg, cells), axis=0)
-        worth = np.abs(self.momentum) @ torque + np.abs(self.speed) @ finite(most)
+        worth = np.abs(self.momentum) @ torque + np.abs(self.speed) @ np.nan_to_num(most, posinf=0.0)
         counts = worth > np.sqrt(CONVERGED) * np.max(worth)
         times = np.append(0.0, np.cumsum(cells.side))
         k = cells.middle
@@ -96,7 +96,7 @@ def proven(leg: BoundLeg, cells: Cells, forces: Forces, ends: Sequence[LegEnd | 
     rates = rate_by_lines(
         motors, forces[fixed], w, shares, (way[fixed] + _differences(by.speed) / lengths[:, None])[:, :, None], steps
     )
-    speed, most = np.abs(by.speed), finite(accelerations(leg, cells))
+    speed, most = np.abs(by.speed), np.nan_to_num(accelerations(leg, cells), posinf=0.0)
     accelerated = (Interval.at(speed[:-1]) + Interval.at(speed[1:])) * Interval.at(most[fixed])
     mean = rates.sum(1) / Interval.at(float(w.shape[2])) + accelerated.sum(1) * Interval.at(0.5)
     made = (lengths * mean).sum(0) + at_ends(leg, by.momentum, by.speed)
@@ -309,7 +309,7 @@ def _multipliers(
         limited = np.all(np.isfinite(kinds[-1].rate.upper), axis=0)
         speed = np.where(limited, found[-1], 0.0)
     lines = np.reshape(momenta[1:], (len(momenta) - 1, *momentum.shape))
-    return Multipliers(way, momentum, speed, shares_of(lines, momentum), combinations)
+    return Multipliers(way, momentum, speed, line_shares(lines, momentum), combinations)
 
 
 def _within_end(

@@ -30,7 +30,6 @@ class Mode(StrEnum):
 
 
 BANG = (Mode.UPPER, Mode.LOWER)
-OPPOSITE = {Mode.UPPER: Mode.LOWER, Mode.LOWER: Mode.UPPER}
 VELOCITY = (Mode.VELOCITY_UPPER, Mode.VELOCITY_LOWER)
 POSITION = (Mode.POSITION_UPPER, Mode.POSITION_LOWER)
 
@@ -103,29 +102,19 @@ def merged(arcs: Sequence[Arc]) -> list[Arc]:
     return out
 
 
-Run = tuple[Mode, int, int]
-"""A mode, the first interval on which a joint is in it, and one past the last."""
-
-_TOWARD = {Mode.VELOCITY_UPPER: Mode.UPPER, Mode.VELOCITY_LOWER: Mode.LOWER}
-"""Torque mode that brings a joint to a velocity limit; the opposite one leaves the limit."""
-
-
-def detect(problem: MinimumTimeProblem, trajectory: Trajectory, mesh: Array, numbers: ArcsPolicy) -> list[Arc]:
-    """The arcs of a collocation solution with constant torques between its knots.
+def arcs_of(problem: MinimumTimeProblem, motion: Trajectory, numbers: ArcsPolicy) -> tuple[Arc, ...]:
+    """The arcs of a mesh's motion, to the mesh's resolution.
 
     Args:
         problem: the problem with its limits.
-        trajectory: the solution.
-        mesh: knots as parts of the duration.
+        motion: motion with constant torques between its knots, a sample before and one after each.
         numbers: tolerances within which a limit is active, and up to which times off all limits are a switch, not an
             arc.
     """
-    duration, limits, intervals = trajectory.duration, problem.limits, mesh.size - 1
-    knots = duration * mesh
-    middle = trajectory((knots[:-1] + knots[1:]) / 2)
-    at_knots = trajectory(knots)
-    centre = limits.actuators.center
-    level = (middle.tau - centre) / limits.actuators.scale
+    apart = np.diff(motion.t) > 1e-12 * motion.duration
+    knots = np.append(motion.t[:-1][apart], motion.t[-1])
+    middle, at_knots, limits = motion((knots[:-1] + knots[1:]) / 2), motion(knots), problem.limits
+    level = (middle.tau - limits.actuators.center) / limits.actuators.scale
     first: list[Mode] = []
     events: list[Event] = []
     for i in range(problem.robot.nv):
@@ -133,8 +122,7 @@ def detect(problem: MinimumTimeProblem, trajectory: Trajectory, mesh: Array, num
         slow = np.minimum(np.abs(at_knots.v[:-1, i]), np.abs(at_knots.v[1:, i]))
         bounds = np.array([limits.position_lower[i], limits.position_upper[i]])
         margin = np.min(np.abs(at_knots.q[:, i, None] - bounds), axis=1)
-        scale = max(float(np.ptp(at_knots.q[:, i])), 0.1)
-        touching = margin < numbers.touching * scale
+        touching = margin < numbers.touching * max(float(np.ptp(at_knots.q[:, i])), 0.1)
         contact = touching[:-1] | touching[1:]  # one end marks where contact begins or ends
         above = bounds[1] - middle.q[:, i] < middle.q[:, i] - bounds[0]
         fast = slow > limits.velocity[i] * (1 - numbers.near)
@@ -142,32 +130,33 @@ def detect(problem: MinimumTimeProblem, trajectory: Trajectory, mesh: Array, num
         active = (*sides, fast & (middle.v[:, i] > 0), fast, contact & above, contact)
         modes = [Mode(name) for name in np.select(active, (*BANG, *VELOCITY, *POSITION), Mode.FREE)]
         if limits.passive[i]:
-            modes = [Mode.PASSIVE] * intervals
-        modes = _without_brief(modes, mesh, numbers.brief)
-        runs = _runs(_without_bounces(modes))
-        switching = [mode is Mode.FREE and mesh[b] - mesh[a] <= numbers.brief for mode, a, b in runs]
-        first.append(_first_mode(runs, level[:, i], switching[0]))
-        events += _switches(runs, level[:, i], knots, i, switching)
+            modes = [Mode.PASSIVE] * len(modes)
+        modes = _without_bounces(_without_brief(modes, knots, numbers.brief * motion.duration))
+        mode, switches = _switches(modes, level[:, i], knots, i, numbers.brief * motion.duration)
+        first.append(mode)
+        events += switches
         inner = np.flatnonzero(touching[1:-1]) + 1
         on_limit = [k for k in inner if modes[k] not in POSITION and modes[k - 1] not in POSITION]
         for run in runs_of(np.array(on_limit, int)):
             k = int(run[len(run) // 2])
             side = Mode.POSITION_UPPER if at_knots.q[k, i] > np.mean(bounds) else Mode.POSITION_LOWER
             events.append(Event(float(knots[k]), i, side, touch=True))
-    return arcs_between(first, events, duration)
+    return tuple(arcs_between(first, events, motion.duration))
 
 
-def arcs_of(problem: MinimumTimeProblem, motion: Trajectory, numbers: ArcsPolicy) -> tuple[Arc, ...]:
-    """The arcs of a resolved mesh's motion, to the mesh's resolution.
+def _runs(modes: Sequence[Mode]) -> list[tuple[Mode, int, int]]:
+    """Maximal runs of one mode: (mode, first interval, one past the last)."""
+    edges = [0, *(k for k in range(1, len(modes)) if modes[k] is not modes[k - 1]), len(modes)]
+    return [(modes[a], a, b) for a, b in pairwise(edges)]
 
-    Args:
-        problem: the problem with its limits.
-        motion: motion with constant torques between its knots, a sample before and one after each.
-        numbers: tolerances within which a limit is active.
-    """
-    apart = np.diff(motion.t) > 1e-12 * motion.duration
-    knots = np.append(motion.t[:-1][apart], motion.t[-1]) / motion.duration
-    return tuple(detect(problem, motion, knots, numbers))
+
+def _without_brief(modes: Sequence[Mode], knots: Array, brief: float) -> list[Mode]:
+    """Turn brief contacts into touches, with a switching torque."""
+    out = list(modes)
+    for mode, start, stop in _runs(modes):
+        if mode in POSITION or mode in VELOCITY:
+            out[start:stop] = [Mode.FREE if knots[stop] - knots[start] <= brief else mode] * (stop - start)
+    return out
 
 
 def _without_bounces(modes: Sequence[Mode]) -> list[Mode]:
@@ -179,63 +168,17 @@ def _without_bounces(modes: Sequence[Mode]) -> list[Mode]:
     return out
 
 
-def _runs(modes: Sequence[Mode]) -> list[Run]:
-    """Maximal runs of one mode: (mode, first interval, one past the last)."""
-    edges = [0, *(k for k in range(1, len(modes)) if modes[k] is not modes[k - 1]), len(modes)]
-    return [(modes[a], a, b) for a, b in pairwise(edges)]
-
-
-def _without_brief(modes: Sequence[Mode], mesh: Array, brief: float) -> list[Mode]:
-    """Turn brief contacts into touches, with a switching torque."""
-    out = list(modes)
-    for mode, start, stop in _runs(modes):
-        if mode in POSITION or mode in VELOCITY:
-            out[start:stop] = [Mode.FREE if mesh[stop] - mesh[start] <= brief else mode] * (stop - start)
-    return out
-
-
-def _first_mode(runs: Sequence[Run], level: Array, switching: bool) -> Mode:
-    if not switching:
-        return runs[0][0]
-    after = runs[1][0] if len(runs) > 1 else Mode.FREE
-    if after in VELOCITY:
-        return _TOWARD[after]
-    # The switch lies within the first intervals: it must come from the opposite limit.
-    return OPPOSITE.get(after, Mode.UPPER if level[0] > 0 else Mode.LOWER)
-
-
-def _switches(runs: Sequence[Run], level: Array, knots: Array, joint: int, switching: Sequence[bool]) -> list[Event]:
-    """Switching times of one joint, by the mean torque of the intervals around each."""
+def _switches(modes: Sequence[Mode], level: Array, knots: Array, joint: int, brief: float) -> tuple[Mode, list[Event]]:
+    """First mode of one joint, and its changes; between limits of the torque by the mean torque of the blur there."""
+    runs = _runs(modes)
+    settled = [(m, a, b) for m, a, b in runs if m is not Mode.FREE or knots[b] - knots[a] > brief] or runs
     events: list[Event] = []
-    sign = {Mode.UPPER: 1.0, Mode.LOWER: -1.0}
-    mode = _first_mode(runs, level, switching[0])
-    for r, (here, start, stop) in enumerate(runs):
-        t0, t1 = float(knots[start]), float(knots[stop])
-        if not switching[r]:
-            if here is not mode:
-                if not events or events[-1].time < t0 or events[-1].mode is not here:
-                    events.append(Event(t0, joint, here))
-                mode = here
+    for (before, _, start), (after, stop, _) in pairwise(settled):
+        if before is after:
             continue
-        away = OPPOSITE[_TOWARD[mode]] if mode in VELOCITY else OPPOSITE.get(mode, Mode.FREE)
-        after = runs[r + 1][0] if r + 1 < len(runs) else away
-        part = float(np.mean((level[start:stop] + 1) / 2))  # of the time on the upper limit
-        if after is mode:  # back to the same mode: a short arc on the other limit
-            if mode not in sign:
-                continue
-            there = (1 - part) if mode is Mode.UPPER else part
-            half = there * (t1 - t0) / 2
-            if there > 0.02:
-                centre = (t0 + t1) / 2
-                events += [Event(centre - half, joint, OPPOSITE[mode]), Event(centre + half, joint, mode)]
-            continue
-        if mode in sign and after in sign:
-            share = part if mode is Mode.UPPER else 1 - part
-            events.append(Event(t0 + share * (t1 - t0), joint, after))
-        else:
-            between = _TOWARD.get(after, away)
-            if between in BANG and between is not mode and between is not after:
-                events.append(Event(t0 + 0.25 * (t1 - t0), joint, between))
-            events.append(Event((t0 + t1) / 2, joint, after))
-        mode = after
-    return events
+        part = 0.5
+        if stop > start and before in BANG and after in BANG:
+            upper = float(np.mean((level[start:stop] + 1) / 2))  # part of the time on the upper limit
+            part = upper if before is Mode.UPPER else 1 - upper
+        events.append(Event(float(knots[start] + part * (knots[stop] - knots[start])), joint, after))
+    return settled[0][0], events

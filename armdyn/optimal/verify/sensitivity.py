@@ -56,11 +56,6 @@ def sensitivities(problem: MinimumTimeProblem, costates: Costates) -> Sensitivit
         problem: the minimum-time problem.
         costates: costates of its optimum.
     """
-    by_mass = _by_payload_mass(problem, costates)
-    return Sensitivities(by_mass, costates.effort_upper, costates.effort_lower, costates.velocity)
-
-
-def _by_payload_mass(problem: MinimumTimeProblem, costates: Costates) -> float:
     robot, n = problem.robot, problem.robot.nv
     dynamics = Dynamics(robot, payload_frame=robot.tip)
     per_kg = dynamics.payload_parameters(pin.Inertia(1.0, np.zeros(3), np.zeros((3, 3))))
@@ -68,7 +63,8 @@ def _by_payload_mass(problem: MinimumTimeProblem, costates: Costates) -> float:
     a = dynamics.aba(q, v, tau, m * ca.DM(per_kg))
     rate = ca.Function("by_mass", [q, v, tau], [ca.substitute(ca.jacobian(a, m), m, 0)])
     da = np.array(rate.map(len(costates.pushed))(*(each.T for each in costates.points))).T
-    return float(np.sum(costates.pushed * da))
+    by_mass = float(np.sum(costates.pushed * da))
+    return Sensitivities(by_mass, costates.effort_upper, costates.effort_lower, costates.velocity)
 
 
 @dataclass(frozen=True)

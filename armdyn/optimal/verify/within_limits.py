@@ -19,16 +19,16 @@ from armdyn.dynamics.numeric import forward_dynamics, forward_dynamics_derivativ
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.constraints.constraint import ConstraintReports
+from armdyn.optimal.constraints.rate_limits import times_within
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.rollout import RTOL, SPARE_WHEN_LATE
 from armdyn.trajectory import Sample, Trajectory
-from armdyn.trajectory.interpolation import cubic
 from armdyn.trajectory.planned import Planned
 
 BETWEEN = 8
-"""Number of points between samples at which velocities and positions are checked."""
+"""Number of parts of a sample, at whose ends velocities and positions are checked."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,27 +71,21 @@ def excesses(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> t
     Args:
         limits: limits to check.
         motion: the motion.
-        dense: number of points between samples at which velocities and positions are checked; 1: only the samples.
+        dense: number of parts of a sample, at whose ends velocities and positions are checked; 1: only the samples.
     """
-    t, q, v = _between(motion, dense)
-    t, q, v = np.append(motion.t, t), np.vstack([motion.q, q]), np.vstack([motion.v, v])
+    t = times_within(motion, dense)
+    at, torque = motion(t), limits.actuators.excess(motion.tau, motion.q, motion.v)
     fastest = np.where(np.isinf(limits.velocity), 1.0, limits.velocity)
-    beyond = np.maximum(q - limits.position_upper, limits.position_lower - q)
+    beyond = np.maximum(at.q - limits.position_upper, limits.position_lower - at.q)
     bounded = np.where(np.isinf(limits.position_upper), 0, limits.position_upper - limits.position_lower)
     return (
-        torque_excess(limits, motion),
-        Excess("velocity limit", t, np.abs(v) - limits.velocity, ("rad/s", "m/s"), fastest),
+        Excess("torque limit", motion.t, torque, ("N m", "N"), limits.actuators.scale),
+        Excess("velocity limit", t, np.abs(at.v) - limits.velocity, ("rad/s", "m/s"), fastest),
         Excess("position limit", t, beyond, ("rad", "m"), np.maximum(bounded, 1.0)),
     )
 
 
-def torque_excess(limits: JointLimits, motion: Trajectory) -> Excess:
-    """Excess of a motion over its torque limits, at its samples."""
-    pushed = limits.actuators.excess(motion.tau, motion.q, motion.v)
-    return Excess("torque limit", motion.t, pushed, ("N m", "N"), limits.actuators.scale)
-
-
-def proven(robot: Robot, motion: Trajectory, torque: Excess) -> Excess:
+def proven_excess(robot: Robot, motion: Trajectory, torque: Excess) -> Excess:
     """The part of a table's excess over the torque limits that its rows prove.
 
     A derived torque is that of a mean acceleration over the steps around a row, in the row's state. While the torques
@@ -113,20 +107,6 @@ def proven(robot: Robot, motion: Trajectory, torque: Excess) -> Excess:
         before[-1], after[0] = last - 2, 2
     apart = [np.abs(torques(motion.q[k], motion.v[k], a) - motion.tau) for k in (before, after)]
     return replace(torque, beyond=torque.beyond - np.maximum(*apart))
-
-
-def _between(motion: Trajectory, dense: int) -> tuple[Array, Array, Array]:
-    """Times [s], positions and velocities between a motion's samples, shapes (m,), (m, nq), (m, nv).
-
-    Args:
-        motion: the motion.
-        dense: points per interval between samples, including its first sample; a jump has no further points.
-    """
-    flows, parts = np.flatnonzero(~motion.jumps), np.arange(1, dense)[:, None, None] / dense
-    t, h = motion.t[flows, None], np.diff(motion.t)[flows, None]
-    q, v = ((x[flows], x[flows + 1]) for x in (motion.q, motion.v))
-    at, speed = cubic(parts, h, q, v)
-    return (t + parts * h).ravel(), at.reshape(-1, at.shape[2]), speed.reshape(-1, speed.shape[2])
 
 
 def limit_violation(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> float:
@@ -170,7 +150,9 @@ def follow(task: Task, target: Trajectory) -> Trajectory:
     fade = np.ones(count - 1)
     if problem.continuous_torque:  # continuous torques end with the holding torque
         fade = np.minimum((count - 2 - np.arange(count - 1)) / numbers.samples, 1.0)
-    bandwidth = max(numbers.bandwidth / target.duration, _bandwidth(problem.robot, target))
+    # It holds an arm that falls or swings, as far as the samples allow it.
+    holding = min(FASTER * fastest_rate(problem.robot, target), PER_SAMPLE / float(np.max(np.diff(target.t))))
+    bandwidth = max(numbers.bandwidth / target.duration, holding)
     feedback = Feedback(bandwidth, fade, 0 if limits.constant else _CLIPS)
     start = np.concatenate([problem.q_start, problem.v_start])
     until = task.stop.deadline + _LONGER[0] + _LONGER[1] * task.options.time_limit
@@ -185,11 +167,6 @@ def follow(task: Task, target: Trajectory) -> Trajectory:
     x = x if len(x) > 1 else np.vstack([x, x])
     m = len(x)
     return replace(target, t=target.t[:m], q=x[:, :n], v=x[:, n:], tau=tau[:m])
-
-
-def _bandwidth(robot: Robot, target: Trajectory) -> float:
-    """Bandwidth that holds an arm that falls or swings [1/s], as far as the samples allow it."""
-    return float(min(FASTER * fastest_rate(robot, target), PER_SAMPLE / np.max(np.diff(target.t))))
 
 
 def fastest_rate(robot: Robot, motion: Trajectory) -> float:

@@ -6,7 +6,7 @@ import pytest
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.optimal.bound import cells as cells_module
 from armdyn.optimal.bound.cells import Cells, reached
-from armdyn.optimal.bound.leg import legs_of
+from armdyn.optimal.bound.leg import bound_legs
 from armdyn.optimal.problem.policy.bound import BoundPolicy
 from optimal.bound.arms import ARMS, random_problem
 
@@ -16,7 +16,7 @@ _INTEGRATED = 1e-6
 
 def nested(problem, passes=3, ahead=1.5):
     """A leg and its boxes, for motions that take a multiple of the shortest."""
-    leg = legs_of(problem, BoundPolicy())[0]
+    leg = bound_legs(problem, BoundPolicy())[0]
     known = leg.shortest
     cells = Cells.of(leg, known / 2, ahead * known)
     for _ in range(passes):

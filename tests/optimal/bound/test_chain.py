@@ -11,7 +11,7 @@ import armdyn as ad
 from armdyn.models.scene.reaching import poses_reaching
 from armdyn.optimal.bound.chain import chain_bound, covers
 from armdyn.optimal.bound.lattice import Effort
-from armdyn.optimal.bound.leg import legs_of
+from armdyn.optimal.bound.leg import bound_legs
 from armdyn.optimal.problem.policy.bound import BoundPolicy
 from problems import paper_arm
 
@@ -35,7 +35,7 @@ def motions(robots, poses, **given):
 
 def boxes(problems, stops, upper):
     """Number of boxes that enclose each stop's joint positions that are reached in time."""
-    legs = [legs_of(problem, BoundPolicy())[0] for problem in problems]
+    legs = [bound_legs(problem, BoundPolicy())[0] for problem in problems]
     return [len(layer) for layer in covers(legs, stops, upper, lambda: False)]
 
 

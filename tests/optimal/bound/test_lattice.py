@@ -11,7 +11,7 @@ from armdyn.errors import ProblemError
 from armdyn.models.scene.reaching import frame_placement
 from armdyn.optimal.bound.chain import chain_bound, covers
 from armdyn.optimal.bound.lattice import Effort, Lattice
-from armdyn.optimal.bound.leg import legs_of
+from armdyn.optimal.bound.leg import bound_legs
 from armdyn.optimal.problem.policy.bound import BoundPolicy
 from problems import paper_arm
 
@@ -44,7 +44,7 @@ def test_the_bound_rises_with_its_programs_and_says_so(chain):
     lines = []
     none, many = (chain_bound(*chain, 3.0, Effort(n, report=lines.append, others=0.5)) for n in (0, 400))
     problems, stops = chain
-    legs = [legs_of(problem, BoundPolicy())[0] for problem in problems]
+    legs = [bound_legs(problem, BoundPolicy())[0] for problem in problems]
     by_velocity = Lattice(legs, covers(legs, stops, 3.0, lambda: False)).path().duration
     assert none == by_velocity < many < 3.0
     assert lines[0] == f"proven: not below {0.5 + none:.4f} s; 400 linear programs are left"

@@ -14,7 +14,7 @@ from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.enclosure import Interval
 from armdyn.optimal.bound.frame_sets import BoundRegion
 from armdyn.optimal.bound.lattice import Effort
-from armdyn.optimal.bound.leg import legs_of
+from armdyn.optimal.bound.leg import bound_legs
 from armdyn.optimal.bound.leg_bound import Passage, _phases, leg_bound, passing_bound, phased_bound, tube
 from armdyn.optimal.bound.proof import proven, relaxed
 from armdyn.optimal.problem.policy.bound import BoundPolicy
@@ -42,7 +42,7 @@ def straight():
     goal = slid(robot, poses[1], start + np.array([0.75, 0, 0, 0, 0.75, 0]), np.zeros(6), robot.limits)
     cycle = ad.Cycle(robot, start=start, steps=[ad.Move(goal, retreat=ad.Straight(UP), approach=ad.Straight(UP))])
     problem = problem_of(cycle, cycle.moves[0], start, goal)
-    leg = legs_of(problem, BoundPolicy())[0]
+    leg = bound_legs(problem, BoundPolicy())[0]
     dynamics = leg.dynamics
     lines = {one.leg: BoundRegion(dynamics, one.region) for one in problem.path_constraints}
     return problem, leg, Passage(tuple(BoundRegion(dynamics, one) for one in problem.via), lines)
@@ -201,7 +201,7 @@ def test_accelerations_and_curves_count_along_lines_and_never_above_a_motion(str
         pairs = zip(robot.joint_names, limits.effort_upper, limits.velocity, strict=True)
         curves = {joint: [[0, most], [0.3 * v, most], [v, 0.2 * most]] for joint, most, v in pairs}
         limited = given.variant(robot=robot.with_torque_speed(curves))
-    leg, lines = legs_of(limited, BoundPolicy())[0], straight[2].lines
+    leg, lines = bound_legs(limited, BoundPolicy())[0], straight[2].lines
     passage = Passage(tuple(BoundRegion(leg.dynamics, one) for one in limited.via), lines)
     solution = ad.solve_minimum_time(limited, ONCE)
     plain, _ = leg_bound(leg, lambda: False)

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 import armdyn as ad
 from armdyn.optimal.bound.cells import Cells, reached
 from armdyn.optimal.bound.enclosure import Interval, terms_over
-from armdyn.optimal.bound.leg import Forces, legs_of, rate_by_lines
+from armdyn.optimal.bound.leg import Forces, bound_legs, rate_by_lines
 from armdyn.optimal.bound.proof import proven, relaxed
 from armdyn.optimal.problem.policy.bound import BoundPolicy
 from optimal.bound.arms import ARMS, drawn, random_problem
@@ -89,7 +89,7 @@ def test_two_joints_are_bounded_higher_and_never_above_a_motion(goal):
 
 def boxes(problem):
     """Leg, cells and forces of a problem, narrowed once, and multipliers."""
-    (leg,) = legs_of(problem, BoundPolicy())
+    (leg,) = bound_legs(problem, BoundPolicy())
     known = leg.shortest
     cells = Cells.of(leg, known / 2, 2 * known)
     for _ in range(2):

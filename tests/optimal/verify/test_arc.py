@@ -12,7 +12,7 @@ from armdyn.optimal.verify.arc import (
     Event,
     Mode,
     arcs_between,
-    detect,
+    arcs_of,
     merged,
 )
 from problems import cart
@@ -44,7 +44,7 @@ def test_a_blurred_switch_is_a_switch_where_one_looks_less_closely(brief, modes)
     v = np.interp(t, knots, np.append(0.0, np.cumsum(torques) * 0.05))
     q = np.interp(t, knots, np.linspace(0, 1, 41))
     motion = ad.Trajectory(t, q[:, None], v[:, None], tau[:, None], problem.robot.joint_names, "mesh")
-    arcs = merged(detect(problem, motion, knots / 2, ArcsPolicy(brief=brief)))
+    arcs = merged(arcs_of(problem, motion, ArcsPolicy(brief=brief)))
     assert tuple(arc.modes[0] for arc in arcs) == modes
     assert sum(arc.duration for arc in arcs) == pytest.approx(2.0)
     if len(arcs) == 2:  # the mean torque of the blur is 0: it is in the middle
