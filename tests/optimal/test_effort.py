@@ -5,7 +5,6 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError
-from armdyn.optimal.curves.curves import rough_motions
 from armdyn.optimal.mesh.candidates import find
 from armdyn.optimal.mesh.mesh import mesh
 from armdyn.optimal.problem.status import Stop
@@ -60,9 +59,9 @@ def test_a_limit_that_is_touched_is_named():
 def test_a_guess_leads_where_one_start_does_not():
     problem = paper_problem("rr", 0.1219, effort_weight=1.0)
     near = solve(paper_problem("rr", 0.1006, effort_weight=1.0), workers=1).trajectory
-    (optimum, *_), _ = mesh(Task.of(problem, ad.MinimumTimeOptions(starts=1, guesses=(near,))), rough_motions)
+    (optimum, *_), _ = mesh(Task.of(problem, ad.MinimumTimeOptions(starts=1, guesses=(near,))))
     assert optimum.cost == pytest.approx(0.5781908970767553, rel=1e-7)  # the reference's J
-    (alone, *_), _ = mesh(Task.of(problem, ad.MinimumTimeOptions(starts=1)), rough_motions)
+    (alone, *_), _ = mesh(Task.of(problem, ad.MinimumTimeOptions(starts=1)))
     assert alone.cost > 1.01 * optimum.cost
 
 
@@ -73,7 +72,7 @@ def test_a_guess_of_other_joints_is_refused():
 
 
 def test_none_once_stopped():
-    optima, found = mesh(Task.of(paper_problem("rr", effort_weight=1.0), stop=Stop(deadline=0.0)), rough_motions)
+    optima, found = mesh(Task.of(paper_problem("rr", effort_weight=1.0), stop=Stop(deadline=0.0)))
     assert not optima and not found.attempts
 
 

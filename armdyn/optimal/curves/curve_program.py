@@ -31,79 +31,64 @@ from armdyn.optimal.problem.task import Task
 
 
 @dataclass(frozen=True, eq=False)
-class TorquePrices:
-    """Cost of torques in seconds, quadratic except for products of durations and efforts.
+class CurveCost:
+    """Cost in seconds: durations, control points, torques; quadratic except for products of durations and efforts.
 
     Attributes:
-        duration_of_point: index of the duration of each point's leg, shape (points,).
+        durations: indices of the durations, shape (legs,).
+        moving: price of squared velocities or accelerations: matrix of shape (unknowns, unknowns) [s].
+        of_point: index of the duration of each point's leg, shape (points,).
         tie: price of squared torques, shape (points,) [s].
         effort: price of squared torques per duration, shape (points, joints) [-].
         steps: price of squared differences of the torques of neighbouring points of a leg, shape (points - 1,) [s].
     """
 
-    duration_of_point: Index
+    durations: Index
+    moving: sp.csr_matrix
+    of_point: Index
     tie: Array
     effort: Array
     steps: Array
 
+    @cached_property
+    def priced(self) -> bool:
+        """Whether torques have a price."""
+        return any(np.any(each) for each in (self.tie, self.effort, self.steps))
+
     def value(self, x: Array, tau: Array) -> float:
         """Cost of unknowns, shape (unknowns,), with their torques, shape (points, joints)."""
         steps = self.steps[:, None] * np.diff(tau, axis=0) ** 2
-        return float(np.sum(self._prices(x) * tau**2) + np.sum(steps)) / 2
+        squares = x @ (self.moving @ x) + np.sum(self._prices(x) * tau**2) + np.sum(steps)
+        return float(np.sum(x[self.durations]) + squares / 2)
 
     def gradient(self, x: Array, at: TorqueParts) -> Array:
         """Total derivative of the cost by the unknowns, on which the torques depend, shape (unknowns,)."""
+        out = np.asarray(self.moving @ x)
+        if at.lead is not None:
+            out[self.durations] += at.lead @ out
+        out[self.durations] += 1
+        if not self.priced:
+            return out
         by_torque = self._prices(x) * at.tau
         steps = self.steps[:, None] * np.diff(at.tau, axis=0)
         by_torque[1:] += steps
         by_torque[:-1] -= steps
-        out = at.jacobian.T @ by_torque.ravel()
-        np.add.at(out, self.duration_of_point, np.sum(self.effort * at.tau**2, axis=1) / 2)
-        return np.asarray(out)
+        out += at.jacobian.T @ by_torque.ravel()
+        np.add.at(out, self.of_point, np.sum(self.effort * at.tau**2, axis=1) / 2)
+        return out
 
     def squares(self, x: Array, at: TorqueParts) -> tuple[sp.csr_matrix, Array]:
-        """Rows and weights whose weighted squares are the Gauss-Newton Hessian of the cost."""
+        """Rows and weights whose weighted squares are the Gauss-Newton Hessian of the torques' cost."""
         n, prices = at.tau.shape[1], self._prices(x).ravel()
+        if not self.priced:
+            return sp.csr_matrix((0, x.size)), np.empty(0)
         if not np.any(self.steps):
             return at.jacobian, prices
         steps = at.jacobian[n:] - at.jacobian[:-n]
         return sp.vstack([at.jacobian, steps], format="csr"), np.append(prices, np.repeat(self.steps, n))
 
     def _prices(self, x: Array) -> Array:
-        return np.asarray(self.tie[:, None] + x[self.duration_of_point][:, None] * self.effort)
-
-
-@dataclass(frozen=True, eq=False)
-class CurveCost:
-    """Cost in seconds: durations, control points, torques.
-
-    Attributes:
-        durations: indices of the durations, shape (legs,).
-        moving: price of squared velocities or accelerations: matrix of shape (unknowns, unknowns) [s].
-        torques: prices of torques; None: torques are free.
-    """
-
-    durations: Index
-    moving: sp.csr_matrix
-    torques: TorquePrices | None = None
-
-    def value(self, x: Array, tau: Array) -> float:
-        """Cost of unknowns, shape (unknowns,), with their torques, shape (points, joints)."""
-        cost = float(np.sum(x[self.durations]) + x @ (self.moving @ x) / 2)
-        return cost if self.torques is None else cost + self.torques.value(x, tau)
-
-    def gradient(self, x: Array, at: TorqueParts) -> Array:
-        """Total derivative of the cost by the unknowns, on which the torques depend, shape (unknowns,)."""
-        out = self.moving @ x
-        if at.lead is not None:
-            out[self.durations] += at.lead @ out
-        out[self.durations] += 1
-        return np.asarray(out if self.torques is None else out + self.torques.gradient(x, at))
-
-    @cached_property
-    def no_squares(self) -> tuple[sp.csr_matrix, Array]:
-        """No rows, and no weights."""
-        return sp.csr_matrix((0, self.moving.shape[1])), np.empty(0)
+        return np.asarray(self.tie[:, None] + x[self.of_point][:, None] * self.effort)
 
 
 def quadratic_form(shape: CurveLayout, squares: Sequence[Array], scales: Array) -> sp.csr_matrix:
@@ -273,14 +258,14 @@ def curve_cost(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) ->
             prices = numbers.smooth_short * (np.max(times) / times) ** 3
         squared = [price * leg.basis.squared(2, POINTS) for price, leg in zip(prices, guess.legs, strict=True)]
         moving = quadratic_form(shape, squared, task.problem.limits.velocity)
-    torques = TorquePrices(
-        duration_of_point=np.repeat([shape.duration(k) for k in shape.legs], sizes),
+    return CurveCost(
+        durations=np.array([shape.duration(k) for k in shape.legs]),
+        moving=moving,
+        of_point=np.repeat([shape.duration(k) for k in shape.legs], sizes),
         tie=parts * np.repeat(spec.smooth * times / n, sizes),
         effort=parts[:, None] * squares,
         steps=steps,
     )
-    priced = spec.smooth or spec.steps or task.problem.pays_effort
-    return CurveCost(np.array([shape.duration(k) for k in shape.legs]), moving, torques if priced else None)
 
 
 def curve_program(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout, data: NlpData) -> CurveProgram:

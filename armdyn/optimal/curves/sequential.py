@@ -262,7 +262,7 @@ class Sequential:
             place=self.program.place,
             gradient=cost.gradient(at.x, at.torques),
             curvature=cost.moving,
-            squares=cost.no_squares if cost.torques is None else cost.torques.squares(at.x, at.torques),
+            squares=cost.squares(at.x, at.torques),
             bounds=(nothing, nothing),
             hard=velocities.only(~given).below(at.x)[:2],
             soft=tuple(soft),
