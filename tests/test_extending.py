@@ -22,7 +22,7 @@ from armdyn.models.scene.collision import collision_model
 from armdyn.models.scene.obstacles import SHAPES, obstacle_entry
 from armdyn.optimal.constraints.rate_limits import FrameSpeedLimit
 from armdyn.optimal.constraints.registry import TightenedConstraints, path_constraints_of
-from armdyn.optimal.mesh.interval import CollocationInterval
+from armdyn.optimal.mesh.assembly import CollocationInterval
 from armdyn.optimal.mesh.starts import spline
 from armdyn.optimal.problem.task import Task
 from armdyn.show.visuals import obstacle_shapes

@@ -23,8 +23,7 @@ from armdyn.optimal.constraints.rows import (
 from armdyn.optimal.constraints.torque_limits import TorqueSpeedLimit
 from armdyn.optimal.curves.curve import WINDOW
 from armdyn.optimal.curves.layout import POINTS, CurveLayout
-from armdyn.optimal.mesh.assembly import Block, Program, program_of
-from armdyn.optimal.mesh.interval import only_present
+from armdyn.optimal.mesh.assembly import Block, Program, only_present, program_of
 from armdyn.optimal.mesh.layout import BODY
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 

@@ -9,8 +9,7 @@ from armdyn.arrays import Array, Index
 from armdyn.locks import cached_property
 from armdyn.optimal.constraints.registry import Aim, TightenedConstraints
 from armdyn.optimal.constraints.rows import StageRows, numbers_of, row_bounds
-from armdyn.optimal.mesh.assembly import Program, build_nlp
-from armdyn.optimal.mesh.interval import CollocationInterval
+from armdyn.optimal.mesh.assembly import CollocationInterval, Program, build_nlp
 from armdyn.optimal.mesh.ipopt import Ipopt, NlpData, ipopt_for
 from armdyn.optimal.mesh.layout import Layout
 from armdyn.optimal.mesh.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect

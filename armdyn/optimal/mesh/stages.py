@@ -17,7 +17,7 @@ import numpy as np
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.constraints.rows import nonzeros_of
-from armdyn.optimal.mesh.interval import present_body
+from armdyn.optimal.mesh.assembly import present_body
 from armdyn.optimal.mesh.layout import Parameters
 
 

@@ -10,9 +10,8 @@ from armdyn.optimal.constraints.regions import region_rows
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.constraints.rows import StageRows, differentiated, numbers_of, row_bounds
 from armdyn.optimal.curves.program import CurveInterval, _torques
-from armdyn.optimal.mesh.assembly import build_nlp
+from armdyn.optimal.mesh.assembly import CollocationInterval, build_nlp
 from armdyn.optimal.mesh.direct import legs_of, solve_on_mesh
-from armdyn.optimal.mesh.interval import CollocationInterval
 from armdyn.optimal.mesh.layout import Layout
 from armdyn.optimal.mesh.starts import spline
 from armdyn.optimal.problem.options import Scheme

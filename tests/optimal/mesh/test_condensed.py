@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.mesh.condensed import condensable, solve_quickly
+from armdyn.optimal.mesh.condensed import solve_quickly
 from armdyn.optimal.mesh.direct import solve_on_mesh
 from armdyn.optimal.mesh.starts import spline
 from armdyn.optimal.problem.options import Scheme, SolverSettings
@@ -71,9 +71,9 @@ def test_quick_solution_goes_on_from_the_condensed_one():
 
 def test_refused_if_it_cannot_be_condensed():
     plain = paper_problem("rr")
-    assert condensable(task(plain))
-    assert not condensable(task(paper_problem("rr", acceleration_limit=100.0)))
-    assert not condensable(task(paper_problem("rr", via=([0.0, 0.5],))))
+    assert task(plain).policy.program.condensed
+    assert not task(paper_problem("rr", acceleration_limit=100.0)).policy.program.condensed
+    assert not task(paper_problem("rr", via=([0.0, 0.5],))).policy.program.condensed
 
 
 def test_failure_names_the_worst_equation_and_the_blocking_limit():

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from armdyn.dynamics import Dynamics
-from armdyn.optimal.mesh.assembly import build_condensed
-from armdyn.optimal.mesh.interval import interval_functions
+from armdyn.optimal.mesh.assembly import interval_functions
+from armdyn.optimal.mesh.condensed import build_condensed
 from armdyn.optimal.mesh.layout import CondensedLayout, Layout, Parameters
 from armdyn.optimal.problem.options import Scheme
 from problems import paper_arm

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from armdyn.dynamics import Dynamics
-from armdyn.optimal.mesh.assembly import build_condensed
+from armdyn.optimal.mesh.condensed import build_condensed
 from armdyn.optimal.mesh.stages import StageFunctions
 from armdyn.optimal.problem.options import Scheme
 from problems import paper_arm
