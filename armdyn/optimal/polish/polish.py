@@ -44,7 +44,7 @@ def _touches(task: Task, motion: Trajectory) -> bool:
 def _solved(task: Task, motion: Trajectory) -> tuple[Switches, BangMotion] | None:
     """The fastest motion of the motion's switches; those that meet on the way vanish."""
     problem, numbers = task.problem, task.policy.polish
-    switches = switches_of(motion, problem.limits.actuators, numbers.brief)
+    switches = switches_of(motion, problem.limits.actuators)
     t, states = motion.t / motion.duration, np.concatenate([motion.q, motion.v], axis=1)
     size = scales_of(np.ptp(motion.q, axis=0), np.ptp(motion.v, axis=0))
     for _ in range(numbers.structures):

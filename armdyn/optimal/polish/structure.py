@@ -64,50 +64,21 @@ class Switches:
         return np.diff(np.concatenate([[0.0], self.times, [self.duration]]))
 
 
-def switches_of(motion: Trajectory, limits: ActuatorLimits, least: float = 0.0) -> Switches:
+def switches_of(motion: Trajectory, limits: ActuatorLimits) -> Switches:
     """The switches of a motion with torques held between its samples.
 
-    An interval whose torque is between its limits holds a switch, or two: its mean torque says where.
+    Where the mean torque changes its sign from an interval to the next, the torque switches once; the two means say
+    when.
 
     Args:
         motion: motion with torques near their limits, but for intervals with a switch.
         limits: torque limits, constant ones.
-        least: least part of an interval on the limit that neither neighbour is on, which is no rounding.
     """
     lengths = np.diff(motion.t)
     whole = np.flatnonzero(lengths > 1e-12 * motion.duration)
-    begin, lengths = motion.t[whole], lengths[whole]
-    levels = (motion(begin + lengths / 2).tau - limits.center) / limits.scale
-    signs = np.where(levels > 0, 1.0, -1.0)
-    found = [_switches(*columns, begin, lengths, least) for columns in zip(levels.T, signs.T, strict=True)]
-    first = signs[0] * [turned for turned, _ in found]
-    return Switches.ordered(first, [times for _, times in found], motion.duration)
-
-
-def _switches(levels: Array, signs: Array, begin: Array, lengths: Array, least: float) -> tuple[float, Array]:
-    """Switching times of one joint, and -1 if the torque begins on the limit opposite to the first interval's mean.
-
-    Where the mean torque changes its sign from an interval to the next, the torque switches once. An interval away
-    from such changes, of which a part is on the opposite limit while both neighbours are wholly on theirs, holds two
-    switches, placed around its middle; the first and the last interval hold one.
-
-    Args:
-        levels: mean torques of the intervals, -1 and 1 on the limits, shape (K,).
-        signs: their signs, shape (K,).
-        begin: starts of the intervals [s], shape (K,).
-        lengths: lengths of the intervals [s], shape (K,).
-        least: see `switches_of`.
-    """
-    away = (1 - np.abs(levels)) / 2 * lengths  # time on the other limit
-    last = np.flatnonzero(np.diff(signs) != 0)  # intervals before a change of sign
-    times = [begin[last + 1] - away[last] + away[last + 1]]
-    at_change = np.zeros(levels.size, bool)
-    at_change[last] = at_change[last + 1] = True
-    full = np.pad(np.abs(levels) > 1 - 2 * least, 1, constant_values=True)
-    alone = (away > least * lengths) & full[:-2] & full[2:] & ~at_change
-    at_start, at_end = bool(alone[0]), bool(alone[-1])
-    times += [begin[:1] + away[:1]] * at_start + [begin[-1:] + lengths[-1:] - away[-1:]] * at_end
-    alone[[0, -1]] = False
-    middle = begin[alone] + lengths[alone] / 2
-    times += [middle - away[alone] / 2, middle + away[alone] / 2]
-    return -1.0 if at_start else 1.0, np.sort(np.concatenate(times))
+    begin, lengths = motion.t[whole], lengths[whole, None]
+    levels = (motion(begin + lengths[:, 0] / 2).tau - limits.center) / limits.scale
+    away, signs = (1 - np.abs(levels)) / 2 * lengths, np.where(levels > 0, 1.0, -1.0)  # time on the other limit
+    times = begin[1:, None] - away[:-1] + away[1:]
+    found = [own[turned] for own, turned in zip(times.T, np.diff(signs, axis=0).T != 0, strict=True)]
+    return Switches.ordered(signs[0], found, motion.duration)

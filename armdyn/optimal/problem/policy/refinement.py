@@ -67,7 +67,6 @@ class PolishPolicy:
 
     cases: ClassVar = PLANAR
 
-    brief: float = tuned(0.02, "of an interval", "time on the other limit that is a switch there and back, no rounding")
     segments: int = tuned(16, "segments", "of a motion, at least: unstable arms need some")
     steps: int = tuned(8, "steps", "of order six in a segment: states are then right to 1e-9")
     difference: float = tuned(1e-4, "of a joint's way or speed", "step of differences: rounding equals truncation")
