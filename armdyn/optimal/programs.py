@@ -113,14 +113,13 @@ def build_mesh(
     data = assemble_mesh(task, guess or spline(task.problem, []), intervals, constraints)
     nlp = build_nlp(task.dynamics, task.scheme, intervals, constraints.rows(task.problem))
     layout, scales, n = data.layout, data.scales, task.problem.robot.nv
-    states, middles = layout.states(intervals), layout.inner_states(intervals)[:, 0]
-    knots = layout.knots(intervals)[:, layout.knot.torque]
+    states, middles = layout.states(intervals), layout.middles(intervals)
     unknowns: _Unknowns = {
         "q[{}]": (states[:, :n], scales.length),
         "v[{}]": (states[:, n:], scales.speed),
         "middle q[{}]": (middles[:, :n], scales.length),
         "middle v[{}]": (middles[:, n:], scales.speed),
-        "tau[{}]": (knots if layout.linear else layout.torques(intervals)[:, 0], scales.effort),
+        "tau[{}]": (layout.torques(intervals), scales.effort),
         "T[{}]": (layout.times(intervals)[:, None], scales.time),
     }
     return _built(task, nlp, data, unknowns, lambda x: data.motion(x, task.problem.robot.joint_names))

@@ -39,11 +39,11 @@ def _scaled_stages(dynamics: Dynamics, scheme: Scheme) -> _ScaledStages:
     by, body = Parameters.of(p, n), present_body(dynamics, p)
     left, inner, right = layout.parts(y)
 
-    states = [left[layout.knot.state], inner[layout.inner.states], right[layout.knot.state]]
+    states = [left[layout.knot.state], inner[: 2 * n], right[layout.knot.state]]
     if layout.linear:
         u = [(1 - c) * left[layout.knot.torque] + c * right[layout.knot.torque] for c in LOBATTO_3.c]
     else:
-        u = [inner[layout.inner.torques]] * LOBATTO_3.c.size
+        u = [inner[2 * n :]] * LOBATTO_3.c.size
 
     velocities, accelerations = [], []
     for x, torque in zip(states, u, strict=True):

@@ -258,8 +258,8 @@ def _condensed(
     parameters = scales.parameters(fractions, scales.weights(problem.effort_weight, tie), task.dynamics.last_body)
     lower, upper = bounds(problem, full, intervals, scales)
     start = np.clip(to_unknowns(guess, full, fractions, scales), lower, upper)[kept]
-    inner = full.inner_states(intervals)
-    middles = (lower[inner[:, 0]].T, upper[inner[:, 0]].T) if bounded else None
+    inner = full.middles(intervals)
+    middles = (lower[inner].T, upper[inner].T) if bounded else None
     program = _Program(start, parameters, (lower[kept], upper[kept]), scales, fractions)
     attempt, x = _solved(task, solver, program, middles)
     beyond = np.maximum(lower - x, x - upper)[inner]

@@ -4,7 +4,7 @@ The unknowns are in the order of time, and the final time is copied to every kno
 
     w = [knot_0 | inner_0 | knot_1 | inner_1 | … | knot_N]
     knot_k  = q, v, T, and the torque if it is linear between knots
-    inner_k = the stages that are not knots, and the torques unless they are linear
+    inner_k = q and v in the middle, and the torque unless it is linear
 
 Slices work for numpy arrays and CasADi's SX, MX and DM. All numbers are scaled.
 """
@@ -36,17 +36,10 @@ def _places(first: int, size: int, block: int, blocks: int) -> Index:
 @lru_cache(KEPT)
 def _condensed_places(full: "Layout", N: int) -> Index:
     """Index of each unknown of the condensed layout in the full one; see `CondensedLayout.kept`."""
-    knots = full.knots(N)
-    torques = knots[:, full.knot.torque] if full.linear else full.torques(N)
-    states = np.sort(np.concatenate([full.states(N).ravel(), torques.ravel()]))
+    states = np.sort(np.concatenate([full.states(N).ravel(), full.torques(N).ravel()]))
     places = np.append(states, full.times(N)[0])
     places.setflags(write=False)
     return places
-
-
-def _after(before: slice, size: int) -> slice:
-    """The slice of a given size after another one."""
-    return slice(before.stop, before.stop + size)
 
 
 @dataclass(frozen=True)
@@ -71,21 +64,6 @@ class KnotFields:
 
 
 @dataclass(frozen=True)
-class InnerFields:
-    """Indices of an interval's own block.
-
-    Attributes:
-        states: (q, v) of the stages that are not knots, stage by stage.
-        torques: torques of the interval, or of its stages; empty if linear between knots.
-        size: size of the block.
-    """
-
-    states: slice
-    torques: slice
-    size: int
-
-
-@dataclass(frozen=True)
 class Layout:
     """Indices of the program of an arm with `nv` joints."""
 
@@ -104,13 +82,6 @@ class Layout:
         torque = slice(2 * n + 1, 2 * n + 1 + (n if self.linear else 0))
         return KnotFields(slice(0, n), slice(n, 2 * n), slice(0, 2 * n), 2 * n, torque, torque.stop)
 
-    @cached_property
-    def inner(self) -> InnerFields:
-        """Slices of an interval's own unknowns."""
-        states = slice(0, 2 * self.nv)
-        torques = _after(states, 0 if self.linear else self.nv)
-        return InnerFields(states, torques, torques.stop)
-
     @property
     def rows(self) -> int:
         """Number of equations: defects of (q, v) in the middle and at the end, and the difference of final times."""
@@ -119,7 +90,7 @@ class Layout:
     @property
     def block(self) -> int:
         """Number of unknowns from one knot to the next."""
-        return self.knot.size + self.inner.size
+        return self.knot.size + 2 * self.nv + (0 if self.linear else self.nv)
 
     @property
     def width(self) -> int:
@@ -143,8 +114,8 @@ class Layout:
         return _places(0, self.knot.size, self.block, N + 1)
 
     def inners(self, N: int) -> Index:
-        """Indices of each interval's own unknowns, shape (N, inner)."""
-        return _places(self.knot.size, self.inner.size, self.block, N)
+        """Indices of each interval's own unknowns: q and v in its middle, and its torque unless linear."""
+        return _places(self.knot.size, self.block - self.knot.size, self.block, N)
 
     def times(self, N: int) -> Index:
         """Indices of the final times, shape (N + 1,)."""
@@ -154,13 +125,13 @@ class Layout:
         """Indices of each knot's q and v, shape (N + 1, 2 nv)."""
         return self.knots(N)[:, self.knot.state]
 
-    def inner_states(self, N: int) -> Index:
-        """Indices of the inner stages' q and v, shape (N, inner stages, 2 nv)."""
-        return self.inners(N)[:, self.inner.states].reshape(N, -1, 2 * self.nv)
+    def middles(self, N: int) -> Index:
+        """Indices of q and v in the middle of each interval, shape (N, 2 nv)."""
+        return self.inners(N)[:, : 2 * self.nv]
 
     def torques(self, N: int) -> Index:
-        """Indices of torques that are not linear, shape (N, 1 or stages, nv)."""
-        return self.inners(N)[:, self.inner.torques].reshape(N, -1, self.nv)
+        """Indices of the torques, shape (N + 1, nv) at knots if linear, else (N, nv) of intervals."""
+        return self.knots(N)[:, self.knot.torque] if self.linear else self.inners(N)[:, 2 * self.nv :]
 
     def equation(self, row: int) -> tuple[str, int]:
         """Kind and joint of an interval's equation; that of final times counts as a position's."""
@@ -207,7 +178,7 @@ class CondensedLayout:
         full, N = self.full, middles.shape[1]
         x = np.empty(full.size(N))
         x[self.kept(N)], x[full.times(N)] = w, w[-1]
-        x[full.inner_states(N).ravel()] = middles.ravel(order="F")
+        x[full.middles(N).ravel()] = middles.ravel(order="F")
         return x
 
 
@@ -241,9 +212,8 @@ class Parameters:
     @classmethod
     def of(cls, p: Any, joints: int) -> Self:
         """Split an interval's parameter vector by name."""
-        weights = slice(4, 4 + joints)
-        effort = _after(weights, joints)
-        return cls(p[0], p[1], p[2], p[3], p[weights], p[effort], p[_after(effort, BODY)])
+        weights, effort = slice(4, 4 + joints), slice(4 + joints, 4 + 2 * joints)
+        return cls(p[0], p[1], p[2], p[3], p[weights], p[effort], p[4 + 2 * joints : 4 + 2 * joints + BODY])
 
     def packed(self) -> Array:
         """Concatenate the parameters; with the fractions of all intervals, shape (N,), the program's parameters."""

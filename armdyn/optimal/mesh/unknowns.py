@@ -116,37 +116,21 @@ def to_trajectory(
         legs: number of intervals per leg; by default one leg.
     """
     N = fractions.size
-    knots, between, torques = x[layout.knots(N)], x[layout.inner_states(N)], x[layout.torques(N)]
-    states = knots[:, layout.knot.state]
+    states, middles, tau, T = (x[at(N)] for at in (layout.states, layout.middles, layout.torques, layout.times))
     times, first = np.zeros(N + 1), 0
     for length in legs or (N,):
         last = first + length
-        duration = max(float(knots[first, layout.knot.time]) * scales.time, 1e-9)
+        duration = max(float(T[first]) * scales.time, 1e-9)
         times[first + 1 : last + 1] = times[first] + duration * np.cumsum(fractions[first:last])
         first = last
-    if layout.linear:
-        at_knots = knots[:, None, layout.knot.torque]
-        left, right = at_knots[:-1], at_knots[1:]
-    else:
-        left = right = torques[:, :1]
-    t = [times[:-1, None], (times[:-1] + times[1:])[:, None] / 2]
-    state, tau = [states[:-1, None], between], [left, (left + right) / 2]
-    jumps = int(not layout.linear)
-    if jumps:  # one ulp before the next knot
-        t.append(np.nextafter(times[1:, None], 0))
-        state.append(states[1:, None])
-        tau.append(right)
-    at = _in_order(state, states[N], jumps)
+    left, right = (tau[:-1], tau[1:]) if layout.linear else (tau, tau)
+    t = np.stack([times[:-1], (times[:-1] + times[1:]) / 2, np.nextafter(times[1:], 0)], axis=1)
+    t[-1, 2], kept = times[N], np.ones((N, 3), bool)
+    kept[:-1, 2] = not layout.linear  # where torques jump, one ulp before the next knot
+    at = np.stack([states[:-1], middles, states[1:]], axis=1)[kept]
+    torques = np.stack([left, (left + right) / 2, right], axis=1)[kept] * scales.effort
     q, v = at[:, layout.knot.q] * scales.length, at[:, layout.knot.v] * scales.speed
-    torque = _in_order(tau, right[-1, 0], jumps) * scales.effort
-    return Trajectory(_in_order(t, times[N], jumps), q, v, torque, joint_names, "minimum time")
-
-
-def _in_order(parts: list[Array], end: Array, beyond: int) -> Array:
-    """Concatenate the intervals' samples and the last knot's, without the last `beyond` samples."""
-    rows = np.concatenate(parts, axis=1)
-    rows = rows.reshape(-1, *rows.shape[2:])
-    return np.concatenate([rows[: len(rows) - beyond], end[None]])
+    return Trajectory(t[kept], q, v, torques, joint_names, "minimum time")
 
 
 def bounds(problem: MinimumTimeProblem, layout: Layout, intervals: int, scales: Scales) -> tuple[Array, Array]:
@@ -161,8 +145,8 @@ def bounds(problem: MinimumTimeProblem, layout: Layout, intervals: int, scales: 
         side = np.full(layout.size(N), end * np.inf)
         side[states] = state
         side[layout.times(N)] = max(problem.duration_bound() / scales.time, 1e-3) if end < 0 else 1e3
-        side[layout.inner_states(N)] = state
-        side[layout.knots(N)[:, layout.knot.torque] if layout.linear else layout.torques(N)] = torque
+        side[layout.middles(N)] = state
+        side[layout.torques(N)] = torque
         side[states[0]] = _states(np.asarray(problem.q_start), np.asarray(problem.v_start), scales)
         side[states[-1]] = _states(np.asarray(problem.q_goal), np.asarray(problem.v_goal), scales)
         sides.append(side)

@@ -106,8 +106,7 @@ def test_order_measured_through_the_nonlinear_program(control, swing):
         x = to_unknowns(exact, layout, fractions, scales)
         free = np.ones(x.size, dtype=bool)
         free[layout.knots(intervals)[0]] = False  # the state and the duration at the start
-        held = layout.knots(intervals)[:, layout.knot.torque]
-        free[held if layout.linear else layout.torques(intervals)] = False
+        free[layout.torques(intervals)] = False
         for _ in range(20):
             g, jacobian = nlp.jacobian(x, p)
             step = spsolve(jacobian.sparse()[:, free], np.array(g).ravel())

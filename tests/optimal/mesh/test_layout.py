@@ -27,12 +27,8 @@ def places(fields, *names):
 
 @given(LAYOUTS)
 def test_fields_fill_their_blocks_without_gap_or_overlap(layout):
-    blocks = (
-        (layout.knot, ("q", "v", "time", "torque")),
-        (layout.inner, ("states", "torques")),
-    )
-    for fields, names in blocks:
-        np.testing.assert_array_equal(places(fields, *names), np.arange(fields.size))
+    knot = layout.knot
+    np.testing.assert_array_equal(places(knot, "q", "v", "time", "torque"), np.arange(knot.size))
     np.testing.assert_array_equal(places(layout.knot, "state"), places(layout.knot, "q", "v"))
 
 
@@ -46,15 +42,15 @@ def test_blocks_fill_the_unknowns_and_intervals_share_their_knots(layout, N):
         np.testing.assert_array_equal(intervals[:, k], np.concatenate(parts))
         for mine, part in zip(layout.parts(intervals[:, k]), parts, strict=True):
             np.testing.assert_array_equal(mine, part)
-    kinds = layout.states(N), layout.times(N), layout.inner_states(N), layout.torques(N)
+    kinds = layout.states(N), layout.times(N), layout.middles(N), layout.torques(N)
     named = np.concatenate([kind.ravel() for kind in kinds])
-    assert np.unique(named).size == named.size
+    np.testing.assert_array_equal(np.sort(named), np.arange(layout.size(N)))
 
 
 @given(LAYOUTS, st.integers(1, 5))
 def test_every_unknown_is_in_one_block(layout, N):
     knots, inners = layout.knots(N), layout.inners(N)
-    assert knots.shape == (N + 1, layout.knot.size) and inners.shape == (N, layout.inner.size)
+    assert knots.shape == (N + 1, layout.knot.size) and inners.shape == (N, layout.block - layout.knot.size)
     every = np.sort(np.concatenate([knots.ravel(), inners.ravel()]))
     np.testing.assert_array_equal(every, np.arange(layout.size(N)))
 
@@ -78,7 +74,7 @@ def test_condensed_unknowns_are_the_others_without_middles_and_repeated_times(sc
     full, N = Layout(3, scheme), 4
     layout, x = CondensedLayout(full), np.arange(full.size(N), dtype=float)
     x[full.times(N)] = -1.0
-    w, middles = x[layout.kept(N)], x[full.inner_states(N)][:, 0].T
+    w, middles = x[layout.kept(N)], x[full.middles(N)].T
     np.testing.assert_array_equal(layout.expanded(w, middles), x)
     # An interval's are those of its knots, its torque, and the time.
     for own, whole in zip(layout.intervals(N).T, full.intervals(N).T, strict=True):
@@ -86,7 +82,7 @@ def test_condensed_unknowns_are_the_others_without_middles_and_repeated_times(sc
         begin, _, end = full.parts(x[whole])
         np.testing.assert_array_equal(left, begin[full.knot.state])
         np.testing.assert_array_equal(right, end[full.knot.state])
-        torques = (begin, end) if full.linear else (x[whole][full.knot.size :][full.inner.torques],) * 2
+        torques = (begin, end) if full.linear else (x[whole][full.knot.size + 6 : full.block],) * 2
         for torque, block in zip((first, last), torques, strict=True):
             np.testing.assert_array_equal(torque, block[full.knot.torque] if full.linear else block)
         assert time == -1.0
