@@ -118,10 +118,7 @@ def _passages(problem: MinimumTimeProblem, passed: Sequence[int], dynamics: Dyna
 
 
 def _runs(
-    problems: Sequence[MinimumTimeProblem],
-    via: Sequence[Sequence[int]],
-    stops: Sequence[Place],
-    policy: BoundPolicy,
+    problems: Sequence[MinimumTimeProblem], via: Sequence[Sequence[int]], stops: Sequence[Place], policy: BoundPolicy
 ) -> list[_Run]:
     """Split the chain at single joint positions."""
     legs: list[BoundLeg] = []
@@ -250,11 +247,7 @@ def _regions(goals: GoalSet | None, boxes: Interval, stop: StopCondition) -> lis
 
 
 def _thinned(
-    legs: Sequence[BoundLeg],
-    sets: Sequence[GoalSet | None],
-    boxes: list[Interval],
-    longest: float,
-    stop: StopCondition,
+    legs: Sequence[BoundLeg], sets: Sequence[GoalSet | None], boxes: list[Interval], longest: float, stop: StopCondition
 ) -> list[Interval]:
     """Boxes that a motion may pass within a time [s]."""
     none = np.zeros(legs[0].dynamics.nv, dtype=bool)

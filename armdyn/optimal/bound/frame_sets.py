@@ -32,17 +32,7 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once, cached_property
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import REACHED, GoalPose, moving_directions
-from armdyn.optimal.bound.enclosure import (
-    ROUNDED,
-    TURN,
-    Affine,
-    EnclosedFunction,
-    Interval,
-    down,
-    joined,
-    rounding,
-    up,
-)
+from armdyn.optimal.bound.enclosure import ROUNDED, TURN, Affine, EnclosedFunction, Interval, down, joined, rounding, up
 from armdyn.optimal.bound.leg import LegEnd, least_time
 from armdyn.optimal.problem.checks import ROUNDING
 from armdyn.optimal.problem.policy.bound import BoundPolicy

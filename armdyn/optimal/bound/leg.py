@@ -293,14 +293,9 @@ class BoundLeg:
         return self.goal.q - self.start.q
 
     @property
-    def kinematic(self) -> Array:
-        """Time of every joint at its greatest speed [s], rounded down, shape (nv,); 0 without a limit."""
-        return np.maximum(down(self.away.mignitude / self.velocity), 0.0)
-
-    @property
     def shortest(self) -> float:
         """Shortest duration within the velocity limits [s]."""
-        return float(np.max(self.kinematic))
+        return float(least_time(self.start.q, self.goal.q, self.velocity))
 
     def alone(self, away: Interval) -> Array:
         """Times of every joint by its own limits for a displacement [s], rounded down, shape (…, nv)."""
@@ -329,27 +324,25 @@ def bound_legs(problem: MinimumTimeProblem, policy: BoundPolicy) -> tuple[BoundL
             start=LegEnd(Interval.at(poses[i]), v_start if i == 0 else None),
             goal=LegEnd(Interval.at(poses[i + 1]), v_goal if i == last else None),
             velocity=np.max([limits.velocity, np.abs(v_start), np.abs(v_goal)], axis=0),
-            acceleration=rates["acceleration"],
-            jerk=rates["jerk"],
-            torque_rate=rates["torque"],
             position=position,
             torque=limits,
             policy=policy,
+            **rates,
         )
         for i in range(last + 1)
     )
 
 
 def _rates(problem: MinimumTimeProblem) -> dict[str, Array]:
-    """Limits of accelerations, jerks and torque rates by the path constraints; infinite: no limit."""
+    """Limits of accelerations, jerks and torque rates by the path constraints, as of `BoundLeg`."""
     names = {2: "acceleration", 3: "jerk"}
-    found = dict.fromkeys((*names.values(), "torque"), np.full(problem.robot.nv, np.inf))
+    found = dict.fromkeys((*names.values(), "torque_rate"), np.full(problem.robot.nv, np.inf))
     for each in path_constraints_of(problem):
         limit, torque_rate = each.derivative_limit(problem), each.torque_rate_limit(problem)
         if limit is not None:
             found[names[limit[0]]] = np.minimum(found[names[limit[0]]], limit[1])
         if torque_rate is not None:
-            found["torque"] = np.minimum(found["torque"], torque_rate)
+            found["torque_rate"] = np.minimum(found["torque_rate"], torque_rate)
     return found
 
 

@@ -233,9 +233,8 @@ def _on_line(
         return None
     at = goal.pose * pin.SE3(np.eye(3), plane * np.eye(3)[axis])
     free = tuple(name for name in goal.free if name != "xyz"[axis])
-    return _Event(
-        BoundRegion(line.dynamics, GoalPose(goal.frame, at.homogeneous, free, goal.tolerance)), found.plane, found.box
-    )
+    box, across = found
+    return _Event(BoundRegion(line.dynamics, GoalPose(goal.frame, at.homogeneous, free, goal.tolerance)), across, box)
 
 
 def _enclosed(leg: BoundLeg, region: BoundRegion, longest: float, stop: StopCondition) -> Interval | None:
@@ -255,21 +254,10 @@ def _enclosed(leg: BoundLeg, region: BoundRegion, longest: float, stop: StopCond
     return None if found is None else found[0]
 
 
-@dataclass(frozen=True, eq=False)
-class Tube:
-    """Boxes of joint positions along a line, from a known end to a plane across it.
-
-    Attributes:
-        box: box of all positions before the frame first meets the plane, each end of shape (nv,).
-        plane: box of the positions in the plane, likewise.
-    """
-
-    box: Interval
-    plane: Interval
-
-
-def tube(leg: BoundLeg, line: BoundRegion, plane: float, ends: tuple[LegEnd, LegEnd], longest: float) -> Tube | None:
-    """The tube of a line; None: it cannot be separated from other joint positions.
+def tube(
+    leg: BoundLeg, line: BoundRegion, plane: float, ends: tuple[LegEnd, LegEnd], longest: float
+) -> tuple[Interval, Interval] | None:
+    """Tube of joint positions along a line, from a known end to a plane across it.
 
     Args:
         leg: leg with velocity limits and policy.
@@ -277,6 +265,10 @@ def tube(leg: BoundLeg, line: BoundRegion, plane: float, ends: tuple[LegEnd, Leg
         plane: position of the plane along that axis [m]; the frame rests at 0.
         ends: ends of the leg: the one with the frame at rest on the line, and the other one.
         longest: largest duration from end to end [s].
+
+    Returns:
+        Box of all positions before the frame first meets the plane, each end of shape (nv,), and of those in the plane,
+        likewise; None: they cannot be separated from other joint positions.
     """
     end, other = (one.q for one in ends)
     slices = _slices(leg, line, plane, (end, other), longest)
@@ -297,7 +289,7 @@ def tube(leg: BoundLeg, line: BoundRegion, plane: float, ends: tuple[LegEnd, Leg
     # a later crossing of the plane need not be considered.
     if last is None or _time(leg, (end, inner[0], other)) < longest:
         return None
-    return Tube(inner[1:].around, last[0])
+    return inner[1:].around, last[0]
 
 
 def _time(leg: BoundLeg, boxes: Sequence[Interval]) -> float:

@@ -45,7 +45,7 @@ def pose_bound(problem: MinimumTimeProblem, leg: BoundLeg, stop: StopCondition) 
     nearby = (replace(leg, goal=replace(leg.goal, q=Interval.at(q))) for q in problem.goals)
     near = min(nearby, key=lambda one: one.shortest)
     kinematic = _kinematic(goals, near.shortest, stop)
-    known, joint = kinematic, int(np.argmax(near.kinematic))
+    known, joint = kinematic, int(np.argmax(near.alone(near.away)))
     if kinematic == 0 or not leg.has_momentum:
         return kinematic, joint, kinematic
     # The set's bound is at most that of any goal in it; that goal may be far from the fastest one.

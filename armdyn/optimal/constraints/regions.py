@@ -28,10 +28,11 @@ from armdyn.trajectory import Trajectory
 
 _LEAST = 1e-2
 """Least scale of deviations [m or rad], which prices the program's violations: a tip travels this far in 10 ms."""
-_REMAINDER = 1e-2
-"""Part of a tolerance by which a deviation may provably change between two checks."""
 _CHECKS = 100
 """Largest number of checks per sample of a replay, or in the search for the passage of a region."""
+_REMAINDER = 1 / _CHECKS
+"""Part of a tolerance by which a deviation may provably change between two checks: of a deviation that crosses its
+tolerance within a sample, that between as many checks as there may be."""
 _STAGES = (1, 2, 3)
 """Checked stages of a curve's interval; its first is the last of the interval before."""
 _TURN = {True: 1.0, False: 2.5}
@@ -99,12 +100,7 @@ def _limited(robot: Robot, goal: GoalPose) -> tuple[int, ...]:
 
 
 def _deviations(
-    stages: Stages,
-    numbers: ca.SX,
-    frame: str,
-    limited: tuple[int, ...],
-    axis: int | None,
-    at: tuple[int, ...],
+    stages: Stages, numbers: ca.SX, frame: str, limited: tuple[int, ...], axis: int | None, at: tuple[int, ...]
 ) -> ca.SX:
     """Deviations from a goal at stages of an interval, as in `GoalPose`, over scales.
 

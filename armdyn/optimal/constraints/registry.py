@@ -13,12 +13,7 @@ from armdyn.arguments import expect
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.optimal.constraints.clearance import ClearanceConstraint
-from armdyn.optimal.constraints.constraint import (
-    ConstraintReport,
-    ConstraintReports,
-    PathConstraint,
-    RequiredDistances,
-)
+from armdyn.optimal.constraints.constraint import ConstraintReport, ConstraintReports, PathConstraint, RequiredDistances
 from armdyn.optimal.constraints.rate_limits import AccelerationLimit, FrameSpeedLimit, JerkLimit, VelocityTaperLimit
 from armdyn.optimal.constraints.regions import FrameRegion, ViaPoints
 from armdyn.optimal.constraints.rows import RowValues, StageRows
@@ -116,11 +111,6 @@ class Aim:
             np.broadcast_to(self.offsets, missed.shape) - missed,
             self.end_velocity - (replay.v[-1] - np.asarray(problem.v_goal)),
         )
-
-    def at_goal(self, joints: int) -> Array:
-        """Offset from the goal's state (q, v), shape (2 nv,)."""
-        last = np.atleast_2d(self.offsets)[-1]
-        return np.concatenate([np.broadcast_to(each, joints) for each in (last, self.end_velocity)])
 
 
 @dataclass(frozen=True, eq=False)

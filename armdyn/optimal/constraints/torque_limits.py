@@ -93,30 +93,29 @@ class TorqueRateLimit(PathConstraint):
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """Check rates between consecutive samples, where the replay's torques are linear."""
         # A jump of the torque takes less time than a number can resolve.
-        limit = np.asarray(self.limit)
-        rates = np.abs(np.diff(motion.tau, axis=0)) / np.diff(motion.t)[:, None] / limit
-        share = float(np.max(rates))
-        k, i = np.unravel_index(np.argmax(rates), rates.shape)
-        names, reasons, worst = problem.robot.joint_names, [], list[Violation]()
-        joint = names[i]
-        if share > 1 + self.policy.tolerance:
-            worst.append(Violation("torque-rate limit", joint, float(motion.t[k]), share - 1))
-            reasons.append(f"the torque of joint {joint!r} changes {share:.4g} times as fast as its limit allows")
+        rates, robot = np.abs(np.diff(motion.tau, axis=0)) / np.diff(motion.t)[:, None], problem.robot
+        limit = np.broadcast_to(np.asarray(self.limit), rates.shape[1:])
+
+        def words(k: int, i: int) -> str:
+            return f"{rates[k, i]:.5g} of {limit[i]:.5g} {'N/s' if robot.slides[i] else 'N m/s'} at most"
+
+        report = self._report_of_joints(problem, rates / limit, motion.t, words, "torque-rate limit")
+        if report.worst is not None:
+            joint, share = report.worst.joint, 1 + report.worst.value
+            reason = f"the torque of joint {joint!r} changes {share:.4g} times as fast as its limit allows"
+            report = replace(report, reasons=(reason,))
         states = problem.x_start, problem.x_goal
         ends = zip(states, motion.t[[0, -1]], motion.tau[[0, -1]], ("begins", "ends"), strict=True)
         for x, t, tau, end in ends:
             hold, free = self._held(problem, x)
             jump = np.where(free > 0, 0, np.abs(tau - hold)) / problem.limits.actuators.scale
-            if np.max(jump) > self.policy.tolerance:
-                worst.append(
-                    Violation("jump of the torque", names[int(np.argmax(jump))], float(t), float(np.max(jump)))
-                )
-                reasons.append(f"the torque {end} with a jump of {100 * np.max(jump):.2g} % of its limit")
-        unit, most = "N/s" if problem.robot.slides[i] else "N m/s", np.broadcast_to(limit, rates.shape[1:])[i]
-        words = f"{share * most:.5g} of {most:.5g} {unit} at most, by {joint!r} at t = {motion.t[k]:.4g} s"
-        most_violated = max(worst, key=lambda violation: violation.value, default=None)
-        jumps = any(one.constraint == "jump of the torque" for one in worst)
-        return ConstraintReport(self.name, words, share, tuple(reasons), most_violated, order=0 if jumps else 1)
+            largest, joint = float(np.max(jump)), robot.joint_names[int(np.argmax(jump))]
+            if largest > self.policy.tolerance:
+                found = Violation("jump of the torque", joint, float(t), largest)
+                worst = found if report.worst is None or largest > report.worst.value else report.worst
+                reasons = *report.reasons, f"the torque {end} with a jump of {100 * largest:.2g} % of its limit"
+                report = replace(report, reasons=reasons, worst=worst, order=0)
+        return report
 
     def _held(self, problem: MinimumTimeProblem, x: Array) -> tuple[Array, Array]:
         """Holding torques in a state [N m or N], and the allowed distance from them: 0, or inf if a torque is free."""

@@ -131,7 +131,7 @@ def arcs_of(problem: MinimumTimeProblem, motion: Trajectory, numbers: ArcsPolicy
         modes = [Mode(name) for name in np.select(active, (*BANG, *VELOCITY, *POSITION), Mode.FREE)]
         if limits.passive[i]:
             modes = [Mode.PASSIVE] * len(modes)
-        modes = _without_bounces(_without_brief(modes, knots, numbers.brief * motion.duration))
+        modes = _without_brief(modes, knots, numbers.brief * motion.duration)
         mode, switches = _switches(modes, level[:, i], knots, i, numbers.brief * motion.duration)
         first.append(mode)
         events += switches
@@ -156,15 +156,6 @@ def _without_brief(modes: Sequence[Mode], knots: Array, brief: float) -> list[Mo
     for mode, start, stop in _runs(modes):
         if mode in POSITION or mode in VELOCITY:
             out[start:stop] = [Mode.FREE if knots[stop] - knots[start] <= brief else mode] * (stop - start)
-    return out
-
-
-def _without_bounces(modes: Sequence[Mode]) -> list[Mode]:
-    """Merge two contacts with one limit and the free torque between them: a small bounce costs no time."""
-    out, runs = list(modes), _runs(modes)
-    for (before, *_), (mode, start, stop), (after, *_) in zip(runs, runs[1:], runs[2:], strict=False):
-        if mode is Mode.FREE and before is after and before in POSITION:
-            out[start:stop] = [before] * (stop - start)
     return out
 
 

@@ -253,12 +253,7 @@ def _beyond(*checks: tuple[str, float, float]) -> tuple[str, ...]:
     return tuple(text.format(value) for text, value, bound in checks if not value <= bound)
 
 
-def certify(
-    problem: MinimumTimeProblem,
-    replay: Trajectory,
-    phases: Phases | None,
-    remark: str = "",
-) -> Certificate:
+def certify(problem: MinimumTimeProblem, replay: Trajectory, phases: Phases | None, remark: str = "") -> Certificate:
     """Check a replayed motion, and its costates if its arcs are known, without the adjoint equations.
 
     Args:

@@ -140,8 +140,9 @@ longer halve: rounding with light links; beyond it Newton has not converged."""
 _STAGES_TOLERANCE = RTOL / 1000
 """Largest error of the stage velocities, relative to 1 and the velocity, over the last two Newton steps: rounding."""
 _MOST_NEWTON = 12
-"""Largest number of Newton steps: smooth motions take two or three; Coulomb friction in a segment takes more."""
-_MOST_PARTS = 4096
+"""Largest number of Newton steps, and of doublings of the steps in a segment: smooth motions take two or three; Coulomb
+friction in a segment takes more."""
+_MOST_PARTS = 2**_MOST_NEWTON
 """Steps of order six in a segment if fewer steps, or one step and the motion's own end, disagree: a joint with dry
 friction may reverse within."""
 

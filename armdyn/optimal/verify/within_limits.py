@@ -129,8 +129,9 @@ FASTER = 2.0
 energy by feedback that is half a period late, which samples so close are not."""
 PER_SAMPLE = 1 / FASTER
 """Largest bandwidth times a sample's length: at 1 the sampled feedback would become unstable."""
-PLACES = 17
-"""Places along a motion at which the arm's fastest rate is estimated, and of a straight line in a region."""
+PLACES = 2 * BETWEEN + 1
+"""Places along a motion at which the arm's fastest rate is estimated, and of a straight line in a region: the ends of
+twice as many parts as within a sample."""
 
 
 def follow(task: Task, target: Trajectory) -> Trajectory:

@@ -88,14 +88,14 @@ def test_forms_hold_zero_in_the_region_and_not_far_outside_it(straight):
 def test_a_tube_holds_all_of_its_line(straight):
     problem, leg, passage = straight
     line, near = passage.lines[0], np.asarray(problem.q_start)
-    found = tube(leg, line, -UP, (leg.start, leg.goal), 0.31)
+    box, plane = tube(leg, line, -UP, (leg.start, leg.goal), 0.31)
     on_line = members(problem.robot, line, near, (-UP, 0.0), 60, seed=4)
     at_plane = members(problem.robot, passage.regions[0], near, (0.0, 0.0), 60, seed=5)
-    for box, q in ((found.box, on_line), (found.plane, at_plane)):
-        assert np.all((box.lower <= q) & (q <= box.upper))
-    assert np.max(found.plane.radius) < 0.02  # 5 mrad at the tool
-    longer = tube(leg, line, -UP, (leg.start, leg.goal), 0.33)  # may go further down before it goes up
-    assert np.all(longer.box.lower <= found.box.lower) and np.all(found.box.upper <= longer.box.upper)
+    for own, q in ((box, on_line), (plane, at_plane)):
+        assert np.all((own.lower <= q) & (q <= own.upper))
+    assert np.max(plane.radius) < 0.02  # 5 mrad at the tool
+    longer, _ = tube(leg, line, -UP, (leg.start, leg.goal), 0.33)  # may go further down before it goes up
+    assert np.all(longer.lower <= box.lower) and np.all(box.upper <= longer.upper)
     assert (
         tube(
             leg,
@@ -142,10 +142,10 @@ def test_phases_and_positions_of_a_motion_are_in_the_boxes(straight, solved):
     motion, first = solution.trajectory, passage.regions[0]
     height = deviations_of(problem.robot, first.goal, motion.q)[:, 2]
     passed = int(np.argmax(height <= 0)) if height[0] > 0 else int(np.argmax(height >= 0))
-    found = tube(leg, passage.lines[0], -UP, (leg.start, leg.goal), solution.duration)
-    assert np.all((found.box.lower <= motion.q[:passed]) & (motion.q[:passed] <= found.box.upper))
-    phase = Phase(0.0, found.box, passage.lines[0])
-    alone = replace(leg, goal=first.end(found.plane))
+    box, plane = tube(leg, passage.lines[0], -UP, (leg.start, leg.goal), solution.duration)
+    assert np.all((box.lower <= motion.q[:passed]) & (motion.q[:passed] <= box.upper))
+    phase = Phase(0.0, box, passage.lines[0])
+    alone = replace(leg, goal=first.end(plane))
     least = phased_bound(alone, [replace(phase, least=0.02)], 0.02, 0.03, lambda: False)
     assert 0.02 < least <= motion.t[passed]
 
@@ -160,9 +160,9 @@ def test_multipliers_need_not_be_the_best(straight, solved):
         for k, ends in ((0, (leg.start, leg.goal)), (2, (leg.goal, leg.start)))
     ]
     phases = [
-        Phase(0.03, tubes[0].box, passage.lines[0], (passage.regions[0], tubes[0].plane)),
-        Phase(0.24, leg.position, None, (passage.regions[1], tubes[1].plane)),
-        Phase(0.03, tubes[1].box, passage.lines[2]),
+        Phase(0.03, tubes[0][0], passage.lines[0], (passage.regions[0], tubes[0][1])),
+        Phase(0.24, leg.position, None, (passage.regions[1], tubes[1][1])),
+        Phase(0.03, tubes[1][0], passage.lines[2]),
     ]
     cells = Cells.in_phases(leg, phases, 1.05 * solution.duration)
     forces, ends = cells.forces(leg), cells.ends(leg)
