@@ -180,7 +180,7 @@ class Resolver:
             late = Status.ITERATION_LIMIT if deadline is None else Status.TIME_LIMIT
             solved = ended is Status.SOLVED
             status, motion = Status.SOLVED if solved else late, live.motion_of(found.sampled, "live")
-            self._last = LastMotion(motion, found.margins, live.places, solved)
+            self._last = LastMotion(motion, solved)
         else:
             left = fallback(live, self._last)
             if left is None:
@@ -224,8 +224,7 @@ class Resolver:
         if self._last is not None:
             passed, end = self._last.passed(start, live.v), float(self._last.motion.t[-1])
             positions = self._last.motion(passed + (end - passed) * basis.places).q
-            margins = self._last.margins_from(passed, live.places) or none
-            guesses.append((rest_of(live, positions, end - passed), margins))
+            guesses.append((rest_of(live, positions, end - passed), none))
         if self._draft is not None:
             leg, margins = self._draft
             guesses.append((rest_of(live, leg.points, leg.duration), margins))

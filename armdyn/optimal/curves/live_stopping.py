@@ -6,7 +6,6 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.optimal.curves.curve import CurveLeg
-from armdyn.optimal.curves.layout import TorqueMargin
 from armdyn.optimal.curves.live import LiveProblem, acceleration_excess, acceleration_limits
 from armdyn.optimal.problem.checks import held
 from armdyn.optimal.problem.policy.curves import LivePolicy
@@ -29,14 +28,10 @@ class LastMotion:
 
     Attributes:
         motion: from its start to rest.
-        margins: torque margins of its last step; None: unknown.
-        places: places of the margins, as parts of the duration.
         settled: whether the motion converged to its least duration.
     """
 
     motion: Trajectory
-    margins: TorqueMargin | None = None
-    places: Array | None = None
     settled: bool = True
 
     def passed(self, q: Array, v: Array) -> float:
@@ -69,18 +64,6 @@ class LastMotion:
             return None
         left = self.motion.slice(t, end)
         return replace(left, t=left.t - t, name="rest of the last motion")
-
-    def margins_from(self, passed: float, places: Array) -> TorqueMargin | None:
-        """Torque margins of the motion from a time on [s], interpolated to the places of a new curve."""
-        if self.margins is None or self.places is None:
-            return None
-        whole = self.motion.duration
-        part = (passed + (whole - passed) * places) / whole
-        upper, lower = (
-            np.column_stack([np.interp(part, self.places, column) for column in np.asarray(each).T])
-            for each in (self.margins.upper, self.margins.lower)
-        )
-        return TorqueMargin(upper, lower)
 
 
 def fallback(live: LiveProblem, last: LastMotion | None) -> tuple[Status, Trajectory] | None:

@@ -231,29 +231,6 @@ def _powers(s: Array, order: int) -> Array:
     return np.array([np.polynomial.Polynomial(row).deriv(order)(s) for row in np.eye(WINDOW)])
 
 
-def end_torque_rows(problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
-    """Rows at the start and the end of every leg for problems with regions: their legs may be short."""
-    legs = range(len(problem.poses) - 1) if problem.has_regions else ()
-    ends = (("first", 0), ("last", -1))
-    return tuple(StageRows(_torques, (stage,), where=where, leg=leg) for leg in legs for where, stage in ends)  # type: ignore[arg-type]
-
-
-def end_torque_values(problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
-    """Bounds of `end_torque_rows`: the torque limits divided by half the torque range."""
-    actuators = problem.limits.actuators
-    bounds = RowValues(actuators.lower / actuators.half_range, actuators.upper / actuators.half_range)
-    return (bounds,) * len(end_torque_rows(problem))
-
-
-def _torques(stages: Stages, numbers: ca.SX, stage: int) -> ca.SX:
-    """Torques at a stage by inverse dynamics, over half their ranges."""
-    n, dynamics = stages.dynamics.nv, stages.dynamics
-    first = WINDOW**2 + 1 + 2 * n
-    body = only_present(dynamics, stages.p[first : first + BODY])
-    scaled: ca.SX = dynamics.rnea(stages.q[:, stage], stages.v[:, stage], stages.a[:, stage], body) / stages.effort
-    return scaled
-
-
 def _with_rows(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> TightenedConstraints:
     """The constraints that need rows of their own, apart from bounds of control points or torques."""
     own = (each for each in constraints.path_constraints if not isinstance(each, TorqueSpeedLimit))
@@ -262,13 +239,13 @@ def _with_rows(problem: MinimumTimeProblem, constraints: TightenedConstraints) -
 
 
 def rows_of(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[StageRows, ...]:
-    """Rows of the constraints that need rows of their own, and of torques at the ends of short legs."""
-    return (*end_torque_rows(problem), *_with_rows(problem, constraints).rows(problem))
+    """Rows of the constraints that need rows of their own."""
+    return _with_rows(problem, constraints).rows(problem)
 
 
 def constraint_values(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[RowValues, ...]:
     """Parameters and bounds of each of `rows_of`."""
-    return (*end_torque_values(problem), *_with_rows(problem, constraints).values(problem))
+    return _with_rows(problem, constraints).values(problem)
 
 
 _BUILT = 2.5e-5

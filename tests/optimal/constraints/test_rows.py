@@ -9,7 +9,7 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.constraints.regions import region_rows
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.constraints.rows import StageRows, differentiated, numbers_of, row_bounds
-from armdyn.optimal.curves.program import CurveInterval, _torques
+from armdyn.optimal.curves.program import CurveInterval
 from armdyn.optimal.mesh.assembly import CollocationInterval, build_nlp
 from armdyn.optimal.mesh.direct import legs_of, solve_on_mesh
 from armdyn.optimal.mesh.layout import Layout
@@ -113,8 +113,14 @@ PLACE = CurveInterval(Dynamics(ROBOT, free_last_body=True), False)
 REGION = ad.GoalPose(ROBOT.tip, np.eye(4), tolerance=[0.01] * 6)
 
 
+def torques(stages, numbers, stage):
+    """Torques of inverse dynamics with a point of 0.1 kg."""
+    q, v, a = (each[:, stage] for each in (stages.q, stages.v, stages.a))
+    return stages.dynamics.rnea(q, v, a, np.append(0.1, np.zeros(9)))
+
+
 @pytest.mark.parametrize(
-    "rows", [region_rows(ROBOT, REGION, "every", None, (1, 2, 3)), StageRows(_torques, (0,))], ids=["region", "torques"]
+    "rows", [region_rows(ROBOT, REGION, "every", None, (1, 2, 3)), StageRows(torques, (0,))], ids=["region", "torques"]
 )
 def test_the_chain_rule(rows):
     one, numbers = PLACE.stages(), ca.SX.sym("numbers", rows.numbers)
