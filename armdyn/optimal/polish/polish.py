@@ -6,8 +6,8 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.dynamics.numeric import joint_inertia
+from armdyn.models.values.actuator_limits import ActuatorLimits
 from armdyn.optimal.polish.bang_motion import BangMotion, carried, fastest
-from armdyn.optimal.polish.structure import Switches, switches_of
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.arc import Arc, Mode
 from armdyn.optimal.verify.costates import Phases
@@ -20,7 +20,7 @@ _QUADRATURE = tuple((np.polynomial.legendre.leggauss(5) + np.array([[1.0], [0.0]
 
 
 def polished(task: Task, motion: Trajectory) -> Phases | None:
-    """The fastest motion with a mesh's switches, or fewer; None if there is none near.
+    """The fastest motion with a mesh's switches; None if there is none near.
 
     It satisfies Pontryagin's conditions at its switches; its certificate says whether it does so between them, and
     whether it keeps the limits of position and velocity.
@@ -29,8 +29,41 @@ def polished(task: Task, motion: Trajectory) -> Phases | None:
         task: problem with constant torque limits, whose cost is time alone.
         motion: motion with torques held between its samples.
     """
-    found = None if _touches(task, motion) else _solved(task, motion)
-    return None if found is None else _phases(task, *found)
+    problem, (signs, lengths) = task.problem, bang_arcs(motion, task.problem.limits.actuators)
+    if _touches(task, motion) or lengths.size > task.policy.polish.most:
+        return None
+    states = motion.t / motion.duration, np.concatenate([motion.q, motion.v], axis=1)
+    size = scales_of(np.ptp(motion.q, axis=0), np.ptp(motion.v, axis=0))
+    near = BangMotion.of(problem, task.policy, (signs, lengths), states, size).with_costates()
+    found = None if near is None else fastest(near, task.stop)
+    return None if found is None else _phases(task, signs, found)
+
+
+def bang_arcs(motion: Trajectory, limits: ActuatorLimits) -> tuple[Array, Array]:
+    """Bang arcs of a motion with torques held between its samples.
+
+    Where the mean torque changes its sign from an interval to the next, the torque switches once; the two means say
+    when.
+
+    Args:
+        motion: motion with torques near their limits, but for intervals with a switch.
+        limits: torque limits, constant ones.
+
+    Returns:
+        Signs of the torques in the arcs, 1 on the upper and -1 on the lower limit, shape (K, nv), and the lengths of
+        the arcs [s], shape (K,).
+    """
+    lengths = np.diff(motion.t)
+    whole = np.flatnonzero(lengths > 1e-12 * motion.duration)
+    begin, lengths = motion.t[whole], lengths[whole]
+    levels = (motion(begin + lengths / 2).tau - limits.center) / limits.scale
+    away, signs = (1 - np.abs(levels)) / 2 * lengths[:, None], np.where(levels > 0, 1.0, -1.0)  # time on the other
+    before, joint = np.nonzero(np.diff(signs, axis=0))
+    times = begin[before + 1] - away[before, joint] + away[before + 1, joint]
+    order = np.argsort(times, kind="stable")
+    turned = np.cumsum(joint[order, None] == np.arange(levels.shape[1]), axis=0)
+    own = signs[0] * (-1.0) ** np.vstack([np.zeros(levels.shape[1]), turned])
+    return own, np.diff(np.concatenate([[0.0], times[order], [motion.duration]]))
 
 
 def _touches(task: Task, motion: Trajectory) -> bool:
@@ -41,32 +74,7 @@ def _touches(task: Task, motion: Trajectory) -> bool:
     return bool(np.any(margin <= near * np.ptp(motion.q, axis=0)) or np.any(fast))
 
 
-def _solved(task: Task, motion: Trajectory) -> tuple[Switches, BangMotion] | None:
-    """The fastest motion of the motion's switches; those that meet on the way vanish."""
-    problem, numbers = task.problem, task.policy.polish
-    switches = switches_of(motion, problem.limits.actuators)
-    t, states = motion.t / motion.duration, np.concatenate([motion.q, motion.v], axis=1)
-    size = scales_of(np.ptp(motion.q, axis=0), np.ptp(motion.v, axis=0))
-    for _ in range(numbers.structures):
-        near = None
-        if switches.times.size <= numbers.most:
-            near = BangMotion.of(problem, task.policy, switches, (t, states), size).with_costates()
-        if near is None:
-            return None
-        found, proposed = fastest(near, task.stop)
-        if proposed is None:
-            return switches, found
-        ends = np.cumsum(proposed) * found.unit
-        if np.min(proposed) > 0 or ends[-1] <= 0 or task.stop:
-            return None
-        times = [ends[:-1][switches.joint == i] for i in range(problem.robot.nv)]
-        switches = Switches.ordered(switches.first, times, float(ends[-1]))
-        t = np.append(0.0, np.cumsum(found.seconds)) / np.sum(found.seconds)
-        states = np.vstack([found.x, found.goal]) * size
-    return None
-
-
-def _phases(task: Task, switches: Switches, motion: BangMotion) -> Phases:
+def _phases(task: Task, signs: Array, motion: BangMotion) -> Phases:
     """The motion's arcs with costates at the starts and Gauss points of its segments."""
     problem, n, tau, size = task.problem, task.problem.robot.nv, motion.tau, motion.size
     h, x, (nodes, shares) = motion.seconds, motion.x * size, _QUADRATURE
@@ -78,7 +86,7 @@ def _phases(task: Task, switches: Switches, motion: BangMotion) -> Phases:
     inner = inner.reshape(nodes.size, h.size, 2 * n).swapaxes(0, 1).reshape(-1, 2 * n)
     switching = np.linalg.solve(joint_inertia(problem.robot)(inner[:, :n]), costate[..., None])[..., 0]
     t, weights = np.append(0.0, np.cumsum(h)), (h[:, None] * shares).reshape(-1, 1)
-    arcs = _arcs(task, switches, motion.lengths * motion.unit)
+    arcs = _arcs(task, signs, motion.lengths * motion.unit)
     states = np.vstack([x, motion.states[-1, -1:] * size])
     return Phases(
         t=t,
@@ -113,8 +121,8 @@ def _sampled(names: tuple[str, ...], t: Array, states: Array, tau: Array) -> Tra
     return replace(knots, t=times[kept], q=knots(times[kept]).q, v=knots(times[kept]).v, tau=held[kept])
 
 
-def _arcs(task: Task, switches: Switches, durations: Array) -> tuple[Arc, ...]:
+def _arcs(task: Task, signs: Array, durations: Array) -> tuple[Arc, ...]:
     """Arcs of these durations [s]."""
-    modes = np.where(switches.signs > 0, Mode.UPPER, Mode.LOWER).astype(object)
+    modes = np.where(signs > 0, Mode.UPPER, Mode.LOWER).astype(object)
     modes[:, task.problem.limits.passive] = Mode.PASSIVE
     return tuple(Arc(float(d), tuple(Mode(one) for one in row)) for d, row in zip(durations, modes, strict=True))

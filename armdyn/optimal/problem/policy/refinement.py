@@ -72,8 +72,7 @@ class PolishPolicy:
     difference: float = tuned(1e-4, "of a joint's way or speed", "step of differences: rounding equals truncation")
     rounds: int = tuned(20, "steps", "of Newton's method, also on the replay's miss; most take three to eight")
     halves: int = tuned(8, "halvings", "of a step")
-    structures: int = tuned(3, "structures", "of one motion: switches that meet vanish")
-    most: int = tuned(40, "switches", "of one motion: more are a torque between its limits, which chatters on a mesh")
+    most: int = tuned(40, "arcs", "of one motion: more are a torque between its limits, which chatters on a mesh")
 
 
 @dataclass(frozen=True, kw_only=True)
