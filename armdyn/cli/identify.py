@@ -158,7 +158,7 @@ def _identify(arm: ad.Robot, logs: Sequence[str], options: IdentifyCommandOption
 
 def _robot_file(estimate: ad.Estimate, likely: Sequence[ad.Robot], folder: Path) -> tuple[str, int]:
     """Text of identified.toml, and the number of likely arms in it, bounded by the size that can be read."""
-    from armdyn.optimal.problem.tables import likely_tables, robot_table
+    from armdyn.models.tables import likely_tables, robot_table
     from armdyn.parsing.toml import MAX_BYTES, to_toml
 
     folder.mkdir(parents=True, exist_ok=True)

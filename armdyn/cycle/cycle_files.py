@@ -14,10 +14,10 @@ from armdyn.cycle.steps import Grasp, Move, Release, Step, Straight, Wait
 from armdyn.errors import CycleError, ProblemError, did_you_mean
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.obstacles import PAYLOAD_KEYS, payload_from
+from armdyn.models.tables import robot_from
 from armdyn.models.values.spec import Payload
 from armdyn.optimal import problem_files
 from armdyn.optimal.problem.options import MinimumTimeOptions
-from armdyn.optimal.problem.tables import robot_from
 from armdyn.optimal.problem_files import conditions_from, only_tables, place_from, via_from
 from armdyn.parsing.toml import Table, read_toml
 

@@ -16,19 +16,19 @@ from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.obstacles import obstacle_from
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.models.scene.scenes import load_scene
+from armdyn.models.tables import robot_from
 from armdyn.models.values.placement import pose_of
 from armdyn.optimal.constraints.constraint import PathConstraint
 from armdyn.optimal.constraints.regions import FrameRegion
 from armdyn.optimal.constraints.registry import path_constraint_from
 from armdyn.optimal.problem.options import MinimumTimeOptions
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.problem.tables import robot_from
 from armdyn.parsing.toml import Table, read_toml
 
 TABLES = ("robot", "problem", "options")
 OPTIONS = ("method", "search", "starts", "time_limit", "max_intervals", "seed", "calm")
 PROBLEM = tuple(field.name for field in fields(MinimumTimeProblem) if field.init and field.name != "robot")
-"""Keys of [problem]; those of [robot] are `problem.tables.KEYS`."""
+"""Keys of [problem]; those of [robot] are `models.tables.KEYS`."""
 GOAL_POSE = ("frame", "position", "quaternion", "rpy", "free", "tolerance")
 """Keys of a goal pose."""
 

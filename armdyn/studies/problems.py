@@ -17,9 +17,9 @@ from armdyn.models.robots.poses import positions_of
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.obstacles import obstacle_entry, obstacle_from
 from armdyn.models.scene.scenes import load_scene
+from armdyn.models.tables import robot_from
 from armdyn.models.values.joint_limits import scaled_limits
 from armdyn.optimal import MinimumTimeProblem
-from armdyn.optimal.problem.tables import robot_from
 from armdyn.optimal.problem_files import PROBLEM, problem_from
 from armdyn.parsing.toml import Table
 from armdyn.studies.rows import Value

@@ -10,7 +10,7 @@ from armdyn.arguments import shown
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given, positions_of
 from armdyn.models.robots.robot import Robot
-from armdyn.optimal.problem.tables import KEYS, robot_from, robot_table
+from armdyn.models.tables import KEYS, robot_from, robot_table
 from armdyn.optimal.problem_files import PROBLEM, only_tables
 from armdyn.parsing.toml import Table, read_toml
 from armdyn.studies.problems import ARM, POSES, ArmProblems, StudyArm, with_scene, without_files

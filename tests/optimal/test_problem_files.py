@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import armdyn as ad
 from armdyn.errors import ProblemError, SpecError
-from armdyn.optimal.problem.tables import KEYS, likely_from, likely_tables, robot_from, robot_table
+from armdyn.models.tables import KEYS, likely_from, likely_tables, robot_from, robot_table
 from armdyn.optimal.problem_files import OPTIONS, PROBLEM, read_problem_file
 from armdyn.parsing.toml import read_toml
 from problems import RR_FILE

@@ -136,7 +136,7 @@ class PartOptions:
 
     def _of_file(self, name: str, payload: ad.Payload | None) -> ad.Robot:
         """The robot of a file with the table [robot] alone."""
-        from armdyn.optimal.problem.tables import robot_from
+        from armdyn.models.tables import robot_from
         from armdyn.parsing.toml import read_toml
 
         for one in ("lock", "part", "mount", "tool"):

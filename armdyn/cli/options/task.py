@@ -91,7 +91,7 @@ class ArmOptions:
         """
         if not self.robot.robot.lower().endswith(".toml"):
             return ()
-        from armdyn.optimal.problem.tables import likely_from
+        from armdyn.models.tables import likely_from
         from armdyn.parsing.toml import read_toml
 
         carried, arms = self.payload.carried(), likely_from(read_toml(self.robot.robot).table("robot"))

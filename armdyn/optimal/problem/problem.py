@@ -20,6 +20,7 @@ from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.scene.collision import CollisionModel, collision_model
 from armdyn.models.scene.obstacles import Obstacle, check_scene, contacts
 from armdyn.models.scene.reaching import GoalPose, poses_reaching
+from armdyn.models.tables import robot_table
 from armdyn.models.values.actuator_limits import ConstantTorque
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.per_joint import per_joint
@@ -40,7 +41,7 @@ from armdyn.optimal.problem.checks import (
 )
 from armdyn.optimal.problem.planning_limits import PathConstraintSpec, Reserve, rate_limit, resolved_limits
 from armdyn.optimal.problem.poses import Via, check_via_regions, endless, goals_with_turns, via_positions
-from armdyn.optimal.problem.tables import problem_table, robot_table
+from armdyn.optimal.problem.tables import problem_table
 from armdyn.parsing.toml import MAX_BYTES, to_toml
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called, several_numbers

@@ -12,8 +12,8 @@ from armdyn.cycle.solve import solve_cycle
 from armdyn.errors import ProblemError, did_you_mean
 from armdyn.files import file_inside
 from armdyn.models.robots.poses import positions_of
+from armdyn.models.tables import robot_from, robot_table
 from armdyn.optimal import MinimumTimeOptions
-from armdyn.optimal.problem.tables import robot_from, robot_table
 from armdyn.optimal.verify.optimum import torque_squared
 from armdyn.parsing.toml import Table, read_toml
 from armdyn.studies.problems import place_of, with_checksum, with_scene, without_files
