@@ -187,7 +187,7 @@ class Cells:
 
     def forces(self, leg: BoundLeg) -> Forces:
         """Forces over the cells."""
-        return Forces(terms_over(leg.dynamics, self.q), self.v, torques(leg, self), leg.friction)
+        return Forces(terms_over(leg.dynamics, self.q), self.v, torques(leg, self), leg.dynamics.robot.friction)
 
     def ends(self, leg: BoundLeg) -> list[LegEnd | None]:
         """Known positions, or linear forms of them, at all nodes, including the ends; None: unknown."""

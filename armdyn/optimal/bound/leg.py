@@ -270,11 +270,6 @@ class BoundLeg:
     policy: BoundPolicy
 
     @property
-    def friction(self) -> JointFriction:
-        """Friction in the joints."""
-        return self.dynamics.robot.friction
-
-    @property
     def has_momentum(self) -> bool:
         """Whether its momentum is bounded: by velocity limits of all joints, of which there are not too many."""
         return bool(np.all(np.isfinite(self.velocity))) and len(self.velocity) <= self.policy.momentum_joints
