@@ -14,7 +14,7 @@ from armdyn.optimal.answer.assembly import assembled, ended_by_time, failed, fas
 from armdyn.optimal.answer.solution import Solution, kinematic, without_motion
 from armdyn.optimal.bound.lower_bound import least_duration
 from armdyn.optimal.constraints.registry import TightenedConstraints
-from armdyn.optimal.curves.curves import curves
+from armdyn.optimal.curves.curves import curves, rough_motions
 from armdyn.optimal.curves.profiles import profiles
 from armdyn.optimal.mesh.candidates import SearchResult
 from armdyn.optimal.mesh.mesh import mesh
@@ -29,7 +29,7 @@ from armdyn.parallel import concurrently, one_blas_thread
 
 METHODS: dict[MethodName, Callable[[Task], tuple[list[Optimum], SearchResult]]] = {
     "profiles": profiles,
-    "mesh": mesh,
+    "mesh": lambda task: mesh(task, rough_motions),
     "curves": curves,
 }
 """Refinement methods: each maps a task to its refined and replayed optima and the statistics of its search."""

@@ -5,6 +5,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError
+from armdyn.optimal.curves.curves import rough_motions
 from armdyn.optimal.mesh.candidates import find
 from armdyn.optimal.mesh.mesh import mesh
 from armdyn.optimal.problem.status import Stop
@@ -59,9 +60,9 @@ def test_a_limit_that_is_touched_is_named():
 def test_a_guess_leads_where_one_start_does_not():
     problem = paper_problem("rr", 0.1219, effort_weight=1.0)
     near = solve(paper_problem("rr", 0.1006, effort_weight=1.0), workers=1).trajectory
-    (optimum, *_), _ = mesh(Task.of(problem, ad.MinimumTimeOptions(starts=1, guesses=(near,))))
+    (optimum, *_), _ = mesh(Task.of(problem, ad.MinimumTimeOptions(starts=1, guesses=(near,))), rough_motions)
     assert optimum.cost == pytest.approx(0.5781908970767553, rel=1e-7)  # the reference's J
-    (alone, *_), _ = mesh(Task.of(problem, ad.MinimumTimeOptions(starts=1)))
+    (alone, *_), _ = mesh(Task.of(problem, ad.MinimumTimeOptions(starts=1)), rough_motions)
     assert alone.cost > 1.01 * optimum.cost
 
 
@@ -72,7 +73,7 @@ def test_a_guess_of_other_joints_is_refused():
 
 
 def test_none_once_stopped():
-    optima, found = mesh(Task.of(paper_problem("rr", effort_weight=1.0), stop=Stop(deadline=0.0)))
+    optima, found = mesh(Task.of(paper_problem("rr", effort_weight=1.0), stop=Stop(deadline=0.0)), rough_motions)
     assert not optima and not found.attempts
 
 

@@ -38,6 +38,7 @@ from armdyn.optimal.verify.sensitivity import RATE_LIMITS, Share, shares_of
 from armdyn.optimal.verify.within_limits import can_be_slowed, constraints_mended, follow, least_factor, worst_violation
 from armdyn.parallel import in_processes
 from armdyn.reprs import percent
+from armdyn.trajectory import Trajectory
 
 _OTHER_SEEDS = "; other seeds may find a faster one"
 
@@ -91,6 +92,25 @@ def curves(task: Task) -> tuple[list[Optimum], SearchResult]:
     return optima, SearchResult(
         (), failed=failed, listed=others, iterations=iterations, remark=_optima_met(task, found)
     )
+
+
+def rough_motions(task: Task) -> list[Trajectory]:
+    """Distinct curves of few intervals, the fastest first, perhaps beyond their limits between the points.
+
+    They are guesses for a mesh, for the classes of problems for which the policy wants them.
+
+    Args:
+        task: the problem and its settings.
+    """
+    search, starts = task.policy.search, task.policy.curves.mesh_starts
+    if not starts or task.stop:
+        return []
+    rough = replace(task, policy=task.policy.changed("curves", intervals=task.policy.curves.coarse, rounds=1))
+    refined = _refined(rough, _guesses(rough, search.guesses(task.options, starts)))
+    found = sorted((one.curve for one in refined if one.solved.converged), key=lambda one: one.duration)
+    alike = within(task.policy.same.mesh)
+    groups = grouped(found, lambda one, other: alike(one.duration, other.duration))
+    return [group[0].trajectory(task.problem.robot) for group in groups[: search.refinements(task.options)]]
 
 
 def _optima_met(task: Task, found: Sequence[RefinedCurve]) -> str:

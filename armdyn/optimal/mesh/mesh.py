@@ -1,11 +1,11 @@
 """The method `mesh`: the optima of a search on finer meshes, certified, with exact switching times where possible.
 
-With path constraints the motion is replayed, without costates; where rates are limited, torques are linear in an
-interval. The mesh satisfies a constraint only at its points; the replay is checked everywhere, and an excess tightens
-the constraint.
+With path constraints the motion is replayed, without costates. Where rates are limited it is found from rough curves,
+with torques linear in an interval. The mesh satisfies a constraint only at its points; the replay is checked
+everywhere, and an excess tightens the constraint.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -16,6 +16,7 @@ from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.mesh.candidates import SearchResult, find
 from armdyn.optimal.mesh.direct import Attempt, solve_on_mesh
 from armdyn.optimal.mesh.motion_mesh import MeshWork, finer_knots, mesh_optimum, on_finer_meshes
+from armdyn.optimal.mesh.multistart import distinct
 from armdyn.optimal.mesh.shooting import replay_on_goal
 from armdyn.optimal.polish.polish import polished
 from armdyn.optimal.problem.task import Task
@@ -28,9 +29,14 @@ from armdyn.parallel import in_processes
 from armdyn.trajectory import Trajectory
 
 
-def mesh(task: Task) -> tuple[list[Optimum], SearchResult]:
-    """Optima by cost on meshes, and the search's statistics."""
-    found = find(task)
+def mesh(task: Task, rough: Callable[[Task], Sequence[Trajectory]]) -> tuple[list[Optimum], SearchResult]:
+    """Optima by cost on meshes, and the search's statistics.
+
+    Args:
+        task: the problem and its settings.
+        rough: maps a task with path constraints to guesses that replace the search, if a mesh has a solution near one.
+    """
+    found = (_near_guesses(task, rough(task)) if task.problem.path_constraint_names else None) or find(task)
     if not found.attempts:
         return [], found
     optima = _best_first(replace(task, intervals=found.mesh), found.attempts)
@@ -105,6 +111,14 @@ def _rank(task: Task, optimum: Optimum) -> tuple[bool, float]:
     factor = least_slowing(task, optimum)
     good = optimum.certificate.goal_error <= GOAL_TOLERANCE and factor <= task.policy.same.slower
     return not good, factor * optimum.trajectory.duration if good else optimum.error
+
+
+def _near_guesses(task: Task, rough: Sequence[Trajectory]) -> SearchResult | None:
+    """Distinct solutions on the first mesh near rough motions; None: there is no solution."""
+    same = task.policy.same
+    attempts = [solve_on_mesh(task, guess, task.intervals, task.fine()) for guess in rough]
+    found, iterations = distinct(attempts, same.mesh, same.distance), sum(attempt.iterations for attempt in attempts)
+    return SearchResult(tuple(found), mesh=task.intervals, iterations=iterations) if found else None
 
 
 def _keeping_constraints(task: Task, attempt: Attempt) -> Optimum:

@@ -23,6 +23,7 @@ class CurvePolicy:
     shortest: float = by_kind("of a leg", "first and last interval: ramps to a velocity limit are this short")
     starts: int = by_kind("guesses", "one where velocity limits shape the motion: eight gave the same optimum")
     more_starts: int = tuned(6, "guesses", "if the first has failed", "bravo7")
+    mesh_starts: int = by_kind("guesses", "rough curves that a mesh starts from: one takes 0.04 s", "RR, RRR")
     slack: float = tuned(1.2, "of the time at the velocity limits", "duration of a guess that cruises")
     gentle: float = tuned(2.0, "of the time with limited jerk", "through via points; 1.2 loses two of 13 motions")
     pace: float = tuned(

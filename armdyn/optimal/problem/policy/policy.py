@@ -141,6 +141,7 @@ class Policy:
                 # Continuous torques ramp more slowly than speeds saturate.
                 shortest=(2e-3 if problem.continuous_torque else 3e-4) if speed_limited else 1.0,
                 starts=1 if speed_limited else 4,
+                mesh_starts=_by_joints(joints, 1, 4, 12) if rated and motors and not problem.via else 0,
             ),
         )
 
