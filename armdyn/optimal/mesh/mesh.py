@@ -19,6 +19,7 @@ from armdyn.optimal.mesh.motion_mesh import MeshWork, finer_knots, mesh_optimum,
 from armdyn.optimal.mesh.multistart import distinct
 from armdyn.optimal.mesh.shooting import replay_on_goal
 from armdyn.optimal.polish.polish import polished
+from armdyn.optimal.polish.structure import Structure
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.arc import arcs_of
 from armdyn.optimal.verify.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE
@@ -83,7 +84,7 @@ def _optimum(task: Task, attempt: Attempt, work: MeshWork) -> Optimum:
     if task.stop:
         why = f"{task.stop.word} before the arcs were read"
         return Optimum.of(task.problem, replay_on_goal(task, attempt), attempt.intervals, None, why)
-    exact = partial(_exact, task)
+    exact = partial(_exact, task, set())
     if (found := exact(attempt)) is not None:
         return found
     motion = mesh_optimum(task, attempt, work, exact)
@@ -95,9 +96,9 @@ def _optimum(task: Task, attempt: Attempt, work: MeshWork) -> Optimum:
     return replace(motion, arcs=arcs_of(task.problem, motion.trajectory, task.policy.arcs))
 
 
-def _exact(task: Task, mesh: Attempt) -> Optimum | None:
+def _exact(task: Task, solved: set[Structure], mesh: Attempt) -> Optimum | None:
     """The certified motion of a mesh's bang arcs, checked by another integrator; None: there is none."""
-    phases = None if task.problem.pays_effort else polished(task, mesh.trajectory)
+    phases = None if task.problem.pays_effort else polished(task, mesh.trajectory, solved)
     if phases is None:
         return None
     found = Optimum.of(task.problem, replay_of(task, phases.torques), mesh.intervals, phases)

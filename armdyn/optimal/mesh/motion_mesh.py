@@ -87,14 +87,14 @@ class _Meshes:
         yield from on_finer_meshes(self.task, attempt, first, solve, finer)
 
     def sharp(self, attempt: Attempt, knots: Array, margins: MeshMargins | None = None) -> Attempt | None:
-        """Solve sharply from a solution, with margins of the limits; None without convergence or budget.
+        """Solve sharply from a solution, with margins of the limits; None without convergence.
 
         Args:
             attempt: a solution, the guess.
             knots: knots of the mesh, the attempt's or others, shape (N + 1,).
             margins: margins; None: none.
         """
-        if self.task.stop or self.work.left <= 0 or knots.size > self.task.policy.motion_mesh.most:
+        if self.task.stop or knots.size > self.task.policy.motion_mesh.most:
             return None
         within = self._within(margins or MeshMargins())
         found = self._solved(within, attempt.trajectory, knots, self._settings())
@@ -252,7 +252,7 @@ def _divided_until_certified(meshes: _Meshes, mesh: Attempt) -> Optimum | None:
         return None
     best, saving, to_divide = judged
     for k in range(numbers.further_meshes):
-        if not np.any(to_divide):
+        if not np.any(to_divide) or meshes.work.left <= 0:
             break
         velocity, position = excess(task, best)
         margins = MeshMargins(velocity if k else 0.0, position)  # shorter intervals: smaller excess
@@ -266,7 +266,26 @@ def _divided_until_certified(meshes: _Meshes, mesh: Attempt) -> Optimum | None:
         judged = _judged(task, again)
         if judged is not None and judged[0].certificate.ok and judged[0].cost < best.cost:
             best = judged[0]
-    return best
+    return _within_margins(meshes, mesh, best)
+
+
+def _within_margins(meshes: _Meshes, mesh: Attempt, optimum: Optimum) -> Optimum:
+    """Solve on the same mesh with wider margins of the limits until the motion is usable; the given one if none is.
+
+    The torque limits get a margin if the replay misses the goal: an unstable motion can be repeated only under
+    feedback, for which torques on their limits leave no range.
+    """
+    task, margins, last = meshes.task, MeshMargins(), optimum
+    for kept in task.policy.motion_mesh.kept:
+        if last.usable:
+            break
+        margins = margins.wider(task, last, margins.torque if last.landed else kept)
+        again = meshes.sharp(mesh, mesh.mesh, margins)
+        judged = None if again is None else _judged(task, again)
+        if again is None or judged is None:
+            break
+        mesh, last = again, judged[0]
+    return last if last.usable else optimum
 
 
 def _judged(task: Task, attempt: Attempt) -> _Judged | None:

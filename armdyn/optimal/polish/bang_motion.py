@@ -13,6 +13,7 @@ import numpy as np
 
 from armdyn.arrays import Array, Index
 from armdyn.dynamics.numeric import forward_dynamics, forward_dynamics_derivatives
+from armdyn.optimal.polish.structure import Switches
 from armdyn.optimal.problem.policy.policy import Policy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Stop
@@ -74,31 +75,25 @@ class BangMotion:
 
     @classmethod
     def of(
-        cls,
-        problem: MinimumTimeProblem,
-        policy: Policy,
-        arcs: tuple[Array, Array],
-        states: tuple[Array, Array],
-        size: Array,
+        cls, problem: MinimumTimeProblem, policy: Policy, switches: Switches, states: tuple[Array, Array], size: Array
     ) -> Self:
         """Divide arcs into segments of about the same length, without costates.
 
         Args:
             problem: problem with constant torque limits.
             policy: the policy.
-            arcs: signs of the torques in the arcs, shape (K, nv), and lengths of the arcs [s], shape (K,).
+            switches: the arcs.
             states: of a motion near it: parts of its duration, shape (samples,), and (q, v), shape (samples, 2 nv).
             size: scales of the states, shape (2 nv,).
         """
-        unit = float(np.sum(arcs[1]))
-        lengths = arcs[1] / unit
+        lengths = switches.lengths / switches.duration
         counts = np.maximum(np.ceil(policy.polish.segments * lengths).astype(int), 1)
         arc_of = np.repeat(np.arange(counts.size), counts)
         begins = np.append(0.0, np.cumsum(lengths[arc_of] / counts[arc_of])[:-1])
         x = np.stack([np.interp(begins, states[0], each) for each in states[1].T], axis=1)
         x[0] = np.concatenate([problem.q_start, problem.v_start])
-        tau, goal = problem.limits.actuators.extreme(arcs[0])[arc_of], problem.x_goal / size
-        own = (tau, arc_of, 1 / counts[arc_of], size, unit, lengths, x / size, goal)
+        tau, goal = problem.limits.actuators.extreme(switches.signs)[arc_of], problem.x_goal / size
+        own = (tau, arc_of, 1 / counts[arc_of], size, switches.duration, lengths, x / size, goal)
         return cls(problem, policy, *own, *np.zeros((4, *x.shape))).integrated(lengths, x / size)
 
     @property
@@ -227,12 +222,16 @@ class BangMotion:
         return replace(self, costate=least.reshape(self.x.shape))
 
 
-def fastest(motion: BangMotion, stop: Stop) -> BangMotion | None:
-    """The fastest motion of the same arcs near a motion; None if Newton's method fails, or an arc vanishes.
+def fastest(motion: BangMotion, stop: Stop) -> tuple[BangMotion, Array | None]:
+    """The fastest motion of the same arcs near a motion.
 
     Args:
         motion: motion near it.
         stop: whether the time is up.
+
+    Returns:
+        The motion, and None if it is the fastest. Else the last one, and the lengths of the arcs that Newton's method
+        proposed, shape (K,); without arcs of negative length there, it failed.
     """
     before = np.inf
     for _ in range(motion.policy.polish.rounds):
@@ -240,10 +239,13 @@ def fastest(motion: BangMotion, stop: Stop) -> BangMotion | None:
         if stop or (motion.settled and (gap <= motion.policy.shooting.closed / 10 or gap > before / 2)):
             break
         before = gap
-        if (step := _step(motion)) is None or (better := _accepted(motion, *step)) is None:
+        if (found := _step(motion)) is None:
             break
+        change, costate = found
+        if (better := _accepted(motion, change, costate)) is None:
+            return motion, None if motion.settled else motion.lengths + change[: motion.lengths.size]
         motion = better
-    return motion if motion.settled else None
+    return motion, None if motion.settled else motion.lengths
 
 
 def _step(motion: BangMotion) -> tuple[Array, Array] | None:

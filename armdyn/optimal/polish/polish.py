@@ -6,21 +6,25 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.dynamics.numeric import joint_inertia
-from armdyn.models.values.actuator_limits import ActuatorLimits
 from armdyn.optimal.polish.bang_motion import BangMotion, carried, fastest
+from armdyn.optimal.polish.structure import Structure, Switches, switches_by, switches_of
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.arc import Arc, Mode
+from armdyn.optimal.verify.certificate import GOAL_TOLERANCE, OPTIMALITY_TOLERANCE
 from armdyn.optimal.verify.costates import Phases
-from armdyn.optimal.verify.rollout import gauss_steps, scales_of
+from armdyn.optimal.verify.rollout import gauss_steps, replay_of, scales_of
 from armdyn.optimal.verify.within_limits import BETWEEN
 from armdyn.trajectory import Trajectory
 
 _QUADRATURE = tuple((np.polynomial.legendre.leggauss(5) + np.array([[1.0], [0.0]])) / 2)
 """Gauss points in a segment, as parts of it, and their weights: of order ten, integrals are right to 1e-6."""
 
+_Along = tuple[Array, Array, Array]
+"""(q, v) and its costates [s/rad, s²/rad], shape (segments, points, 2 nv), and S [s/(N m)], shape (…, nv)."""
 
-def polished(task: Task, motion: Trajectory) -> Phases | None:
-    """The fastest motion with a mesh's switches; None if there is none near.
+
+def polished(task: Task, motion: Trajectory, solved: set[Structure]) -> Phases | None:
+    """The fastest motion with a mesh's switches, or near ones, on the goal when replayed; None if there is none near.
 
     It satisfies Pontryagin's conditions at its switches; its certificate says whether it does so between them, and
     whether it keeps the limits of position and velocity.
@@ -28,42 +32,28 @@ def polished(task: Task, motion: Trajectory) -> Phases | None:
     Args:
         task: problem with constant torque limits, whose cost is time alone.
         motion: motion with torques held between its samples.
+        solved: structures whose fastest motion is no extremal, and is not sought again; extended here.
     """
-    problem, (signs, lengths) = task.problem, bang_arcs(motion, task.problem.limits.actuators)
-    if _touches(task, motion) or lengths.size > task.policy.polish.most:
+    found = None if _touches(task, motion) else _solved(task, motion, solved)
+    if found is None:
         return None
-    states = motion.t / motion.duration, np.concatenate([motion.q, motion.v], axis=1)
-    size = scales_of(np.ptp(motion.q, axis=0), np.ptp(motion.v, axis=0))
-    near = BangMotion.of(problem, task.policy, (signs, lengths), states, size).with_costates()
-    found = None if near is None else fastest(near, task.stop)
-    return None if found is None else _phases(task, signs, found)
-
-
-def bang_arcs(motion: Trajectory, limits: ActuatorLimits) -> tuple[Array, Array]:
-    """Bang arcs of a motion with torques held between its samples.
-
-    Where the mean torque changes its sign from an interval to the next, the torque switches once; the two means say
-    when.
-
-    Args:
-        motion: motion with torques near their limits, but for intervals with a switch.
-        limits: torque limits, constant ones.
-
-    Returns:
-        Signs of the torques in the arcs, 1 on the upper and -1 on the lower limit, shape (K, nv), and the lengths of
-        the arcs [s], shape (K,).
-    """
-    lengths = np.diff(motion.t)
-    whole = np.flatnonzero(lengths > 1e-12 * motion.duration)
-    begin, lengths = motion.t[whole], lengths[whole]
-    levels = (motion(begin + lengths / 2).tau - limits.center) / limits.scale
-    away, signs = (1 - np.abs(levels)) / 2 * lengths[:, None], np.where(levels > 0, 1.0, -1.0)  # time on the other
-    before, joint = np.nonzero(np.diff(signs, axis=0))
-    times = begin[before + 1] - away[before, joint] + away[before + 1, joint]
-    order = np.argsort(times, kind="stable")
-    turned = np.cumsum(joint[order, None] == np.arange(levels.shape[1]), axis=0)
-    own = signs[0] * (-1.0) ** np.vstack([np.zeros(levels.shape[1]), turned])
-    return own, np.diff(np.concatenate([[0.0], times[order], [motion.duration]]))
+    numbers, goal = task.policy.polish, found[1].goal
+    best, least = None, np.inf
+    for _ in range(numbers.rounds):
+        phases = _phases(task, *found)
+        replay = replay_of(task, phases.torques)
+        miss = task.problem.goal_error_of(replay)
+        missed = float(np.max(np.abs(miss))) if replay.t[-1] == phases.duration else np.inf
+        closer = missed < least / 2
+        best, least = (phases, missed) if missed < least else (best, least)
+        if missed <= GOAL_TOLERANCE / 100 or not closer or task.stop:
+            break
+        goal = goal - miss / found[1].size
+        again, left = fastest(replace(found[1], goal=goal), task.stop)
+        if left is not None:
+            break
+        found = found[0], again, _along(task, again)
+    return best
 
 
 def _touches(task: Task, motion: Trajectory) -> bool:
@@ -74,29 +64,86 @@ def _touches(task: Task, motion: Trajectory) -> bool:
     return bool(np.any(margin <= near * np.ptp(motion.q, axis=0)) or np.any(fast))
 
 
-def _phases(task: Task, signs: Array, motion: BangMotion) -> Phases:
-    """The motion's arcs with costates at the starts and Gauss points of its segments."""
-    problem, n, tau, size = task.problem, task.problem.robot.nv, motion.tau, motion.size
-    h, x, (nodes, shares) = motion.seconds, motion.x * size, _QUADRATURE
-    torques, starts = np.tile(np.stack([tau, tau], axis=1), (nodes.size, 1, 1)), np.tile(x, (nodes.size, 1))
-    inner, flow, _ = gauss_steps(problem.robot)((nodes[:, None] * h).ravel(), starts, torques, task.policy.polish.steps)
+def _solved(task: Task, motion: Trajectory, solved: set[Structure]) -> tuple[Switches, BangMotion, _Along] | None:
+    """The fastest motion of the motion's switches, or of near ones, and what lies along it.
+
+    Switches of a mesh that meet vanish; where a torque then has the wrong sign by its costates, it switches twice more.
+    """
+    problem, numbers = task.problem, task.policy.polish
+    switches = switches_of(motion, problem.limits.actuators, numbers.brief)
+    states = np.concatenate([motion.q, motion.v], axis=1)
+    size = scales_of(np.ptp(motion.q, axis=0), np.ptp(motion.v, axis=0))
+    t, asked = motion.t / motion.duration, None
+    for _ in range(numbers.structures):
+        if switches.times.size > numbers.most or switches.structure in solved:
+            return None
+        near = BangMotion.of(problem, task.policy, switches, (t, states), size).with_costates()
+        if near is None:
+            return None
+        found, proposed = fastest(near, task.stop)
+        if proposed is None:
+            along = _along(task, found)
+            if (asked := _asked_for(task, switches, found, along)) is None:
+                return switches, found, along
+            solved.add(switches.structure)
+            switches = asked
+        else:
+            ends = np.cumsum(proposed) * found.unit
+            if asked or np.min(proposed) > 0 or ends[-1] <= 0 or task.stop:
+                return None
+            times = [ends[:-1][switches.joint == i] for i in range(problem.robot.nv)]
+            switches = Switches.ordered(switches.first, times, float(ends[-1]))
+        t = np.append(0.0, np.cumsum(found.seconds)) / np.sum(found.seconds)
+        states = np.vstack([found.x, found.goal]) * size
+    return None
+
+
+def _asked_for(task: Task, own: Switches, motion: BangMotion, along: _Along) -> Switches | None:
+    """The switches that a motion's costates ask for; None: its own."""
+    h, (nodes, _), tau = motion.seconds, _QUADRATURE, motion.tau
+    switching = along[2][:, 1:-1]
+    excess = 2 * switching * (tau - task.problem.limits.actuators.center)[:, None]  # by which H could be lower
+    if np.max(excess) <= OPTIMALITY_TOLERANCE:
+        return None
+    times = np.cumsum(h)[:, None] - h[:, None] * (1 - nodes)
+    ends = np.cumsum(motion.lengths) * motion.unit
+    moved = Switches(own.first, ends[:-1], own.joint, float(ends[-1]))
+    return switches_by(moved, times.ravel(), switching.reshape(times.size, -1))
+
+
+def _along(task: Task, motion: BangMotion) -> _Along:
+    """States, costates and switching functions at the start, the Gauss points and the end of every segment."""
+    problem, n, last = task.problem, task.problem.robot.nv, motion.states[-1]
+    size, (nodes, _), h, tau = motion.size, _QUADRATURE, motion.seconds, motion.tau
+    torques = np.tile(np.stack([tau, tau], axis=1), (nodes.size, 1, 1))
+    starts = np.tile(motion.x * size, (nodes.size, 1))
+    ends, flow, _ = gauss_steps(problem.robot)((nodes[:, None] * h).ravel(), starts, torques, task.policy.polish.steps)
     end = motion.costate * motion.unit / size
     first = np.einsum("sab,sa->sb", motion.flow[-1] * size[:, None] / size, end)
-    costate = carried(flow.reshape(nodes.size, h.size, 2 * n, 2 * n), first).swapaxes(0, 1)[..., n:].reshape(-1, n)
-    inner = inner.reshape(nodes.size, h.size, 2 * n).swapaxes(0, 1).reshape(-1, 2 * n)
-    switching = np.linalg.solve(joint_inertia(problem.robot)(inner[:, :n]), costate[..., None])[..., 0]
-    t, weights = np.append(0.0, np.cumsum(h)), (h[:, None] * shares).reshape(-1, 1)
-    arcs = _arcs(task, signs, motion.lengths * motion.unit)
-    states = np.vstack([x, motion.states[-1, -1:] * size])
+    inner = carried(flow.reshape(nodes.size, h.size, 2 * n, 2 * n), first)
+    costate = np.concatenate([first[None], inner, end[None]]).swapaxes(0, 1)
+    x = np.concatenate([motion.x[None] * size, ends.reshape(nodes.size, h.size, 2 * n), last[None] * size])
+    x = x.swapaxes(0, 1)
+    return x, costate, np.linalg.solve(joint_inertia(problem.robot)(x[..., :n]), costate[..., n:, None])[..., 0]
+
+
+def _phases(task: Task, switches: Switches, motion: BangMotion, along: _Along) -> Phases:
+    """The motion's arcs with costates at the starts and Gauss points of its segments."""
+    problem, n = task.problem, task.problem.robot.nv
+    h, x, (_, shares) = motion.seconds, motion.x * motion.size, _QUADRATURE
+    whole, costate, switching = along
+    inner, tau, t = whole[:, 1:-1].reshape(-1, 2 * n), motion.tau, np.append(0.0, np.cumsum(h))
+    weights = (h[:, None] * shares).reshape(-1, 1)
+    arcs, states = _arcs(task, switches, motion.lengths * motion.unit), np.vstack([x, whole[-1:, -1]])
     return Phases(
         t=t,
         q=states[:, :n],
         v=states[:, n:],
         tau=np.stack([tau, tau], axis=1),
-        costate=np.vstack([first, end[-1:]]),
+        costate=np.vstack([costate[:, 0], costate[-1:, -1]]),
         points=np.stack([inner[:, :n], inner[:, n:], np.repeat(tau, shares.size, axis=0)]),
-        pushed=weights * costate,
-        switched=np.where(problem.limits.passive, 0.0, weights * switching),
+        pushed=weights * costate[:, 1:-1, n:].reshape(-1, n),
+        switched=np.where(problem.limits.passive, 0.0, weights * switching[:, 1:-1].reshape(-1, n)),
         velocity=np.zeros(n),
         arcs=arcs,
         torques=_sampled(problem.robot.joint_names, t, states, tau),
@@ -121,8 +168,8 @@ def _sampled(names: tuple[str, ...], t: Array, states: Array, tau: Array) -> Tra
     return replace(knots, t=times[kept], q=knots(times[kept]).q, v=knots(times[kept]).v, tau=held[kept])
 
 
-def _arcs(task: Task, signs: Array, durations: Array) -> tuple[Arc, ...]:
+def _arcs(task: Task, switches: Switches, durations: Array) -> tuple[Arc, ...]:
     """Arcs of these durations [s]."""
-    modes = np.where(signs > 0, Mode.UPPER, Mode.LOWER).astype(object)
+    modes = np.where(switches.signs > 0, Mode.UPPER, Mode.LOWER).astype(object)
     modes[:, task.problem.limits.passive] = Mode.PASSIVE
     return tuple(Arc(float(d), tuple(Mode(one) for one in row)) for d, row in zip(durations, modes, strict=True))

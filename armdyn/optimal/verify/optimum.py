@@ -172,19 +172,22 @@ def torque_squared(motion: Trajectory, weight: ArrayLike = 1.0) -> float:
 
 @dataclass(frozen=True)
 class MeshMargins:
-    """Margins by which a mesh's motion stays within its limits, for excesses between knots.
+    """Margins by which a mesh's motion stays within its limits, for excesses between knots and for feedback.
 
     Attributes:
         velocity: margin of velocities, as a part of the limits.
         position: margin of positions, as a part of the joints' ranges.
+        torque: margin of torques, as a part of the limits.
     """
 
     velocity: float = 0.0
     position: float = 0.0
+    torque: float = 0.0
 
     def task_within(self, task: Task) -> Task:
         """The task with limits reduced by the margins, as far as both ends allow."""
         problem, limits, reserves = task.problem, task.problem.limits, task.problem.reserves
+        weak = np.where(limits.actuators.lower * limits.actuators.upper < 0, self.torque, 0.0)
         fastest = np.max(np.abs([problem.x_start, problem.x_goal]), axis=0)[problem.robot.nv :]
         spare = np.clip(1 - (1 + ROUNDING) * fastest / limits.velocity, 0.0, 1.0)
         whole = limits.position_upper - limits.position_lower
@@ -192,6 +195,7 @@ class MeshMargins:
         lower, upper = limits.position_lower + room, limits.position_upper - room
         within = problem.variant(
             velocity_reserve=reserves.velocity + (1 - reserves.velocity) * np.minimum(self.velocity, spare),
+            reserve=reserves.effort + (1 - reserves.effort) * weak,
             position_limit=(
                 np.where(np.all(problem.poses > lower, axis=0), lower, limits.position_lower),
                 np.where(np.all(problem.poses < upper, axis=0), upper, limits.position_upper),
@@ -199,15 +203,16 @@ class MeshMargins:
         )
         return replace(task, problem=within)
 
-    def wider(self, task: Task, optimum: Optimum) -> Self:
+    def wider(self, task: Task, optimum: Optimum, torque: float = 0.0) -> Self:
         """Margins wider by an optimum's excesses.
 
         Args:
             task: the problem and its settings.
             optimum: motion of a mesh with these margins.
+            torque: the new margin of torques, as a part of the limits.
         """
         velocity, position = excess(task, optimum)
-        return type(self)(self.velocity + velocity, self.position + position)
+        return type(self)(self.velocity + velocity, self.position + position, torque)
 
 
 def excess(task: Task, optimum: Optimum) -> tuple[float, float]:

@@ -14,6 +14,7 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import repeated
 from armdyn.optimal.verify.optimum import MeshMargins
+from armdyn.optimal.verify.rollout import under_feedback
 from armdyn.optimal.verify.within_limits import paced
 from armdyn.trajectory import Trajectory
 from problems import cart, paper_arm
@@ -37,7 +38,7 @@ def optimum_of(task, work=None):
 
 @pytest.mark.slow
 def test_a_motion_that_exceeds_a_limit_a_little_is_certified_on_a_divided_mesh():
-    once = {"rounds": 2, "further_meshes": 0}
+    once = {"rounds": 2, "further_meshes": 0, "kept": ()}
     coarse, divided, fine = (optimum_of(task_of(**one)) for one in (once, {"rounds": 2}, {}))
     assert 1e-6 < coarse.certificate.limit_violation < 1e-4 and not coarse.certificate.ok
     assert divided.certificate.ok
@@ -52,6 +53,16 @@ def test_a_reserve_of_velocity_is_a_lower_velocity_limit():
     lower, reserved = optima
     assert reserved.certificate.ok
     assert reserved.trajectory.duration == pytest.approx(lower.trajectory.duration, rel=1e-8)  # of the interior point
+
+
+@pytest.mark.slow
+def test_a_motion_that_exceeds_a_limit_on_a_mesh_that_is_not_divided_keeps_further_within():
+    once = {"rounds": 2, "further_meshes": 0}
+    coarse, within = (optimum_of(task_of(**once, **more)) for more in ({"kept": ()}, {}))
+    assert coarse.certificate.on_goal and not coarse.within_limits
+    assert within.certificate.usable and within.intervals == coarse.intervals
+    # It is slower by about the excess, and by 1.5 times the torque that is kept.
+    assert 1 < within.trajectory.duration / coarse.trajectory.duration < 1 + 3e-4
 
 
 @pytest.mark.slow
@@ -109,6 +120,25 @@ def test_a_motion_that_no_integrator_repeats_is_not_certified(monkeypatch):
     assert "replay under feedback leaves the motion" in certificate.remark
 
 
+@pytest.mark.slow
+def test_a_motion_that_leaves_feedback_no_torque_is_planned_with_less(monkeypatch):
+    def with_room(robot, limits, motion, segments):
+        return under_feedback(robot, limits, motion, segments) if least_room(limits, motion) > 1e-5 else None
+
+    def least_room(limits, motion):
+        return np.min(-limits.actuators.excess(motion.tau, motion.q, motion.v) / limits.actuators.scale)
+
+    optimum = optimum_of(task_of())
+    monkeypatch.setattr(
+        "armdyn.optimal.verify.certificate.OPEN_LOOP_GROWTH", 0.0
+    )  # every motion is judged under feedback,
+    monkeypatch.setattr("armdyn.optimal.verify.certificate.under_feedback", with_room)  # which needs some torque
+    kept = optimum_of(task_of())
+    assert least_room(FAST.limits, optimum.trajectory) < 1e-7 < 2.9e-5 < least_room(FAST.limits, kept.trajectory)
+    assert kept.certificate.ok and kept.certificate.replay == "segments"
+    assert 1 < kept.trajectory.duration / optimum.trajectory.duration < 1 + 4.5e-5
+
+
 def test_a_divided_mesh_stays_within_position_limits_by_the_excess():
     folded = FAST.variant(velocity_limit=30.0, position_limit=([-2.6, -1.6], [2.1, 1.1]))
     task = Task.of(folded, ad.MinimumTimeOptions(starts=4, workers=1))
@@ -162,7 +192,6 @@ def test_the_last_mesh_is_solved_sharply():
     assert np.array_equal(sharp.mesh, rough.mesh)
     # The rough one's barrier keeps every torque off its limits, which costs 1e-8 for each of 2,000 bounds at least.
     assert 1e-6 < rough.trajectory.duration / sharp.trajectory.duration - 1 < 1e-4
-    assert _Meshes(task, MeshWork(task_of(work=0).policy)).sharp(rough, rough.mesh) is None
 
 
 def test_linear_torques_are_divided_where_they_bend_or_jump():

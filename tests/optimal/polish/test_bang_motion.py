@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.optimal.polish.bang_motion import BangMotion
+from armdyn.optimal.polish.structure import Switches
 from armdyn.optimal.problem.policy.policy import Policy
 from problems import paper_problem
 
@@ -16,9 +17,9 @@ from problems import paper_problem
 def segments():
     """Two arcs of an RR arm, in segments that do not meet, with costates drawn at random."""
     problem, random = paper_problem("rr"), np.random.default_rng(3)
-    arcs = np.array([[1.0, -1.0], [-1.0, -1.0]]), np.array([0.08, 0.12])
+    switches = Switches.ordered(np.array([1.0, -1.0]), [np.array([0.08]), np.empty(0)], 0.2)
     rest = np.array([0.0, 1.0]), np.zeros((2, 4))
-    motion = BangMotion.of(problem, Policy.of(problem), arcs, rest, np.array([1.7, 0.9, 14.0, 9.0]))
+    motion = BangMotion.of(problem, Policy.of(problem), switches, rest, np.array([1.7, 0.9, 14.0, 9.0]))
     x = random.uniform(-1, 1, (motion.arc_of.size, 4))
     return replace(motion.integrated(motion.lengths, x), costate=random.uniform(-1, 1, x.shape))
 

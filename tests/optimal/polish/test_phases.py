@@ -68,7 +68,7 @@ def test_costates_are_how_the_time_to_go_depends_on_the_state():
     for i in range(2):
         goals = (np.array(solution.problem.q_goal) + sign * step * np.eye(2)[i] for sign in (1, -1))
         tasks = [Task.of(solution.problem.variant(q_goal=goal), MinimumTimeOptions(compile=False)) for goal in goals]
-        more, less = (polished(task, solution.trajectory).duration for task in tasks)
+        more, less = (polished(task, solution.trajectory, set()).duration for task in tasks)
         assert -solution.phases.costate[-1, i] == pytest.approx((more - less) / (2 * step), rel=1e-4)
 
 

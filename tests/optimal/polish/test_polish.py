@@ -28,19 +28,19 @@ def hasty(problem, wrong):
 def test_double_integrator_in_closed_form():
     # t_f = 2 √(m d / F), the switch in the middle; ρ = (-1/√2, ∓1) at the ends.
     problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0])
-    found = polished(task_of(problem), hasty(problem, 0.1))
+    found = polished(task_of(problem), hasty(problem, 0.1), set())
     np.testing.assert_allclose([arc.duration for arc in found.arcs], np.sqrt(2), rtol=1e-10)
     np.testing.assert_allclose(found.costate[[0, -1]], [[-1 / np.sqrt(2), -1], [-1 / np.sqrt(2), 1]], atol=1e-9)
 
 
 def test_a_motion_that_touches_a_limit_has_no_bang_arcs_alone():
     problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0], velocity_limit=np.sqrt(2))
-    assert polished(task_of(problem), hasty(problem, 0.1)) is None
+    assert polished(task_of(problem), hasty(problem, 0.1), set()) is None
 
 
 def test_too_few_switches_have_no_motion():
     problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0])
-    assert polished(task_of(problem), hasty(problem, 2.0)) is None  # it never brakes
+    assert polished(task_of(problem), hasty(problem, 2.0), set()) is None  # it never brakes
 
 
 def test_more_switches_than_conditions_satisfy_pontryagin_s_conditions():
@@ -48,7 +48,7 @@ def test_more_switches_than_conditions_satisfy_pontryagin_s_conditions():
     with pytest.warns(ad.ArmdynWarning, match="hold the goal"):
         problem = paper_problem("rr", 0.5)
     best = solved_with(problem)
-    found = polished(task_of(problem), best.trajectory)
+    found = polished(task_of(problem), best.trajectory, set())
     hamiltonian, _, violation = pontryagin(problem, found)
     assert np.max(np.abs(hamiltonian)) < 1e-6 and violation < 1e-5
     assert len(found.arcs) == 5
@@ -82,7 +82,7 @@ def test_shooting_of_the_canonical_system_agrees(solution):
 def test_the_motion_of_a_resolved_mesh_is_polished_to_the_same(arm):
     problem = paper_problem(arm, position_limit=(-np.inf, np.inf))
     mesh, exact = mesh_alone(problem, starts=40), solved_with(problem)
-    found = polished(task_of(problem), mesh.trajectory)
+    found = polished(task_of(problem), mesh.trajectory, set())
     if mesh.duration < (1 + 1e-6) * exact.duration:  # else the few guesses found another optimum
         assert found.duration == pytest.approx(exact.duration, rel=1e-8)
     assert found.duration <= mesh.duration

@@ -35,6 +35,9 @@ class MotionMeshPolicy:
     velocity_excess: float = tuned(2e-5, "of a velocity limit", "excess within an interval of constant torque")
     gap: float = tuned(1e-9, "of a joint's way or speed", "error of collocation in an interval: its gradient's is 1e-5")
     least: float = tuned(4e-6, "of the duration", "a shorter interval is not divided")
+    kept: tuple[float, ...] = tuned(
+        (3e-5, 3e-4, 3e-3), "of a torque limit", "for feedback, in turn, of a motion that no replay reproduces without"
+    )
     slower: float = tuned(1e-2, "of the duration", "slower by more is another optimum; 4e-3 lost one of 35")
     ties: tuple[float, ...] = tuned(
         (3e-6, 1e-4),
@@ -67,12 +70,14 @@ class PolishPolicy:
 
     cases: ClassVar = PLANAR
 
+    brief: float = tuned(0.02, "of an interval", "time on the other limit that is a switch there and back, no rounding")
     segments: int = tuned(16, "segments", "of a motion, at least: unstable arms need some")
     steps: int = tuned(8, "steps", "of order six in a segment: states are then right to 1e-9")
     difference: float = tuned(1e-4, "of a joint's way or speed", "step of differences: rounding equals truncation")
     rounds: int = tuned(20, "steps", "of Newton's method, also on the replay's miss; most take three to eight")
     halves: int = tuned(8, "halvings", "of a step")
-    most: int = tuned(40, "arcs", "of one motion: more are a torque between its limits, which chatters on a mesh")
+    structures: int = tuned(3, "structures", "of one motion: switches that meet vanish")
+    most: int = tuned(40, "switches", "of one motion: more are a torque between its limits, which chatters on a mesh")
 
 
 @dataclass(frozen=True, kw_only=True)
