@@ -69,7 +69,7 @@ def assemble_curve(
         for order in range(1, shape.smooth + 1):
             sides = guess.legs[k - 1].basis.differences(order)[-1], guess.legs[k].basis.differences(order)[0]
             factors = by_order[order] * np.concatenate(sides)
-            blocks.append((np.append(factors, 1 / finite(limits.velocity)), np.zeros(n), np.zeros(n)))
+            blocks.append((np.append(factors, 1 / _meeting_speeds(problem, guess)), np.zeros(n), np.zeros(n)))
     blocks += _torque_rates(task, spec, guess)
     blocks += _rows(task, guess, spec.constraints)
     squares = problem.effort_weights() * half**2
@@ -85,6 +85,15 @@ def travel_scales(task: Task, guess: Curve) -> Array:
     most = guess.duration * finite(task.problem.limits.velocity)
     ways = np.sum([np.abs(leg.points[-1] - leg.points[0]) for leg in guess.legs], axis=0)
     return np.asarray(most * np.sqrt(ways / most + task.policy.curves.resting_speed))
+
+
+def _meeting_speeds(problem: MinimumTimeProblem, guess: Curve) -> Array:
+    """Scales of the velocities in the continuity equations between legs [rad/s or m/s], shape (nv,)."""
+    limits = finite(problem.limits.velocity)
+    if not problem.has_regions:
+        return limits
+    # Violations in sequential convexification are priced per scale: a scale far above the motion's speeds is free.
+    return np.minimum(limits, max(float(np.max(np.ptp(leg.points, axis=0))) / leg.duration for leg in guess.legs))
 
 
 def _rates(

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from armdyn.arguments import whole
 from armdyn.arrays import Array
+from armdyn.dynamics.numeric import joint_inertia
 from armdyn.errors import ProblemError
 from armdyn.models.scene.reaching import slid
 from armdyn.optimal.constraints.regions import FrameRegion
@@ -160,12 +161,19 @@ def _guesses(task: Task, planned: Iterator[LegPaths]) -> Iterator[Curve]:
 def _guess(task: Task, paths: LegPaths) -> Curve:
     """A curve along a path, slow enough for the torques where these shape the motion."""
     problem, speed = task.problem, _speed(task.problem)
-    durations = task.policy.curves.slack * np.array(_times(paths, speed))
+    times = _times(paths, speed)
+    durations = task.policy.curves.slack * np.maximum(times, _ramp_times(problem) if problem.has_regions else 0.0)
     curve = Curve.along(paths, _bases(task, durations), durations, speed, flying=problem.has_regions)
     if task.policy.curves.cruises:
         return curve
     factor = least_factor(problem.robot, problem.limits, curve.trajectory(problem.robot))
     return curve.slower(float(np.clip(factor, 0.1, 10.0)) if np.isfinite(factor) else 1.0)
+
+
+def _ramp_times(problem: MinimumTimeProblem) -> Array:
+    """Times in which the slowest joint, alone and from rest, accelerates over each leg [s], shape (legs,)."""
+    inertia, travel = np.diag(joint_inertia(problem.robot)(problem.poses[0])), np.abs(np.diff(problem.poses, axis=0))
+    return np.asarray(np.max(np.sqrt(2 * travel * inertia / problem.limits.actuators.half_range), axis=1))
 
 
 def _bases(task: Task, durations: ArrayLike, fine: bool = False) -> list[Basis]:
