@@ -19,12 +19,12 @@ from armdyn.dynamics.numeric import forward_dynamics, forward_dynamics_derivativ
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.constraints.constraint import ConstraintReports
-from armdyn.optimal.constraints.rate_limits import times_within
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.rollout import RTOL, SPARE_WHEN_LATE
 from armdyn.trajectory import Sample, Trajectory
+from armdyn.trajectory.interpolation import cubic
 from armdyn.trajectory.planned import Planned
 
 BETWEEN = 8
@@ -71,16 +71,18 @@ def excesses(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> t
     Args:
         limits: limits to check.
         motion: the motion.
-        dense: number of parts of a sample, at whose ends velocities and positions are checked; 1: only the samples.
+        dense: number of points between samples at which velocities and positions are checked; 1: only the samples.
     """
-    t = times_within(motion, dense)
-    at, torque = motion(t), limits.actuators.excess(motion.tau, motion.q, motion.v)
+    t, q, v = (
+        np.concatenate(pair) for pair in zip((motion.t, motion.q, motion.v), _between(motion, dense), strict=True)
+    )
+    torque = limits.actuators.excess(motion.tau, motion.q, motion.v)
     fastest = np.where(np.isinf(limits.velocity), 1.0, limits.velocity)
-    beyond = np.maximum(at.q - limits.position_upper, limits.position_lower - at.q)
+    beyond = np.maximum(q - limits.position_upper, limits.position_lower - q)
     bounded = np.where(np.isinf(limits.position_upper), 0, limits.position_upper - limits.position_lower)
     return (
         Excess("torque limit", motion.t, torque, ("N m", "N"), limits.actuators.scale),
-        Excess("velocity limit", t, np.abs(at.v) - limits.velocity, ("rad/s", "m/s"), fastest),
+        Excess("velocity limit", t, np.abs(v) - limits.velocity, ("rad/s", "m/s"), fastest),
         Excess("position limit", t, beyond, ("rad", "m"), np.maximum(bounded, 1.0)),
     )
 
@@ -107,6 +109,20 @@ def proven_excess(robot: Robot, motion: Trajectory, torque: Excess) -> Excess:
         before[-1], after[0] = last - 2, 2
     apart = [np.abs(torques(motion.q[k], motion.v[k], a) - motion.tau) for k in (before, after)]
     return replace(torque, beyond=torque.beyond - np.maximum(*apart))
+
+
+def _between(motion: Trajectory, dense: int) -> tuple[Array, Array, Array]:
+    """Times [s], positions and velocities between a motion's samples, shapes (m,), (m, nq), (m, nv).
+
+    Args:
+        motion: the motion.
+        dense: points per interval between samples, including its first sample; a jump has no further points.
+    """
+    flows, parts = np.flatnonzero(~motion.jumps), np.arange(1, dense)[:, None, None] / dense
+    t, h = motion.t[flows, None], np.diff(motion.t)[flows, None]
+    q, v = ((x[flows], x[flows + 1]) for x in (motion.q, motion.v))
+    at, speed = cubic(parts, h, q, v)
+    return (t + parts * h).ravel(), at.reshape(-1, at.shape[2]), speed.reshape(-1, speed.shape[2])
 
 
 def limit_violation(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> float:
