@@ -19,6 +19,7 @@ from armdyn.optimal.mesh.shooting import Shooting, gaps, landed
 from armdyn.optimal.mesh.unknowns import mesh
 from armdyn.optimal.problem.options import Acceptable, SolverSettings
 from armdyn.optimal.problem.policy.policy import Policy
+from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import LIMIT_TOLERANCE, OPTIMALITY_TOLERANCE, repeated
 from armdyn.optimal.verify.costates import idle_joints
@@ -64,11 +65,11 @@ class _Meshes:
     Attributes:
         task: the problem and its settings.
         work: the problem's budget.
-        tie: weight of full torques in the last solution, see `Scales.weights`.
+        tie: index of the weight of full torques in the last solution, see `Scales.weights`.
     """
 
     def __init__(self, task: Task, work: MeshWork) -> None:
-        self.task, self.work, self.tie = task, work, 0.0
+        self.task, self.work, self.tie = task, work, 0
 
     def finer(self, attempt: Attempt) -> Iterator[Attempt]:
         """Rough solutions of one optimum on successively finer meshes."""
@@ -77,8 +78,7 @@ class _Meshes:
 
         def solve(guess: Trajectory, knots: Array) -> Attempt:
             begins = knots is first
-            self.tie = numbers.ties[int(not begins)]
-            return self._solved(within, guess, knots, rough if begins else self._settings(rough=True))
+            return self._solved(within, guess, knots, rough if begins else self._settings(rough=True), int(not begins))
 
         def finer(one: Attempt) -> Array:
             return finer_knots(within, one) if self.work.left > 0 else one.mesh
@@ -97,7 +97,7 @@ class _Meshes:
         if self.task.stop or knots.size > self.task.policy.motion_mesh.most:
             return None
         within = self._within(margins or MeshMargins())
-        found = self._solved(within, attempt.trajectory, knots, self._settings())
+        found = self._solved(within, attempt.trajectory, knots, self._settings(), self.tie)
         return found if found.usable else None
 
     def _settings(self, rough: bool = False) -> SolverSettings:
@@ -116,11 +116,17 @@ class _Meshes:
             acceptable=Acceptable(error, error, decrease, numbers.patience),
         )
 
-    def _solved(self, task: Task, guess: Trajectory, knots: Array, settings: SolverSettings) -> Attempt:
-        """Result of one solve on a mesh."""
-        found = solve_on_knots(task, guess, knots, settings, 0.0 if task.problem.pays_effort else self.tie)
+    def _solved(self, task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, tie: int) -> Attempt:
+        """A solution on a mesh, with a larger tie if long idle joints prevent convergence."""
+        ties, self.tie = self.task.policy.motion_mesh.ties, tie
+        found = solve_on_knots(task, guess, knots, settings, 0.0 if task.problem.pays_effort else ties[tie])
         self.work.left -= found.iterations * (knots.size - 1)
-        return found
+        if found.usable and found.iterations == settings.max_iterations:  # still becoming faster
+            found = replace(found, status=Status.ITERATION_LIMIT)
+        if found.usable or self.task.stop or tie + 1 == len(ties) or self.work.left <= 0:
+            return found
+        near = found.trajectory if found.status is Status.ITERATION_LIMIT else guess
+        return self._solved(task, near, knots, settings, tie + 1)
 
     def _within(self, margins: MeshMargins) -> Task:
         fast = LIMIT_TOLERANCE / 2 + margins.velocity  # what lies between an interval's middle and its ends

@@ -40,9 +40,10 @@ class MotionMeshPolicy:
     )
     slower: float = tuned(1e-2, "of the duration", "slower by more is another optimum; 4e-3 lost one of 35")
     ties: tuple[float, ...] = tuned(
-        (3e-6, 1e-4),
+        (3e-6, 1e-4, 3e-4),
         "of 1 for time",
-        "of full torques, for idle joints; after the first mesh the second: a quarter of the iterations",
+        "of full torques, for idle joints; the next where none converges; after the first mesh from the second on: a "
+        "quarter of the iterations",
     )
     work: int = tuned(700_000, "intervals", "times iterations of a problem, then no mesh is begun: 5 CPU s for RRR")
     abandoned: float = tuned(5e-4, "of the best cost", "excess that ends a mesh: the second is accurate to 2e-4")
