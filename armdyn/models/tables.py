@@ -16,13 +16,7 @@ from armdyn.models.reading.urdf_xml import read_urdf
 from armdyn.models.robots.poses import position_of
 from armdyn.models.robots.robot import Robot
 from armdyn.models.robots.source import RobotOptions, RobotSource
-from armdyn.models.scene.obstacles import (
-    PAYLOAD_KEYS,
-    TOOL_KEYS,
-    payload_entry,
-    payload_from,
-    tool_from,
-)
+from armdyn.models.scene.obstacles import PAYLOAD_KEYS, TOOL_KEYS, payload_entry, payload_from, tool_from
 from armdyn.models.values.actuator_limits import torque_speed_entry
 from armdyn.models.values.placement import POSE_KEYS, pose_entry, pose_from
 from armdyn.models.values.spec import PLANAR_ARMS, ArmSpec, LinkSpec

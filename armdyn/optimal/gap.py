@@ -110,7 +110,7 @@ def check_motion(
         given.append(_accelerations(a, trajectory))
     at = np.append(True, ~trajectory.jumps)  # of the two samples of a jump the first is a row
     rows = check_table(limits, robot.joint_names, trajectory.t[at], [each[at] for each in given])
-    torque = excesses(limits, trajectory)[0]
+    torque = excesses(limits, trajectory, dense=1)[0]
     shown = proven_excess(robot, trajectory, torque)
     found = [shown.worst(robot)] if shown.share > 0 else []
     found += [_violation(robot, row) for row in rows if row.share > 1]

@@ -29,6 +29,8 @@ from armdyn.optimal.verify.within_limits import can_be_slowed
 from armdyn.parallel import in_processes
 from armdyn.trajectory import Trajectory
 
+_GIVEN_UP = "refinement was given up: its budget of mesh iterations is spent"
+
 
 def mesh(task: Task, rough: Callable[[Task], Sequence[Trajectory]]) -> tuple[list[Optimum], SearchResult]:
     """Optima by cost on meshes, and the search's statistics.
@@ -40,13 +42,13 @@ def mesh(task: Task, rough: Callable[[Task], Sequence[Trajectory]]) -> tuple[lis
     found = (_near_guesses(task, rough(task)) if task.problem.path_constraint_names else None) or find(task)
     if not found.attempts:
         return [], found
-    optima = _best_first(replace(task, intervals=found.mesh), found.attempts)
+    optima, spent = _best_first(replace(task, intervals=found.mesh), found.attempts)
     left = [attempt.trajectory.duration for attempt in found.attempts[len(optima) :]]
-    return optima, replace(found, slower=tuple(left))
+    return optima, replace(found, slower=tuple(left), remark=_GIVEN_UP if spent else found.remark)
 
 
-def _best_first(task: Task, attempts: Sequence[Attempt]) -> list[Optimum]:
-    """The optima near solutions, best first, until the others cost more."""
+def _best_first(task: Task, attempts: Sequence[Attempt]) -> tuple[list[Optimum], bool]:
+    """The optima near solutions, best first, until the others cost more; and whether the shared budget is spent."""
     numbers, limited = task.policy.same, bool(task.problem.path_constraint_names)
     # In sequence optima share their motions: most of the work where velocity limits are met.
     alone = bool(np.any(np.isfinite(task.problem.limits.velocity)))
@@ -72,7 +74,7 @@ def _best_first(task: Task, attempts: Sequence[Attempt]) -> list[Optimum]:
             break
         if left:
             task.progress(f"optimum {k + 2}, about {left[0].trajectory.duration:.4f} s")
-    return optima
+    return optima, shared.left <= 0
 
 
 def _optimum(task: Task, attempt: Attempt, work: MeshWork) -> Optimum:

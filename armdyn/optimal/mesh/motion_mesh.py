@@ -6,7 +6,7 @@ ones where they bend or jump.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -246,9 +246,19 @@ def mesh_optimum(
     return best
 
 
-_Judged = tuple[Optimum, float, Flags]
-"""Landed motion of a mesh; bound on its first-order saving, as a part of the duration, infinite if unknown; and the
-intervals to divide if it is nearly certified, shape (K,)."""
+@dataclass(frozen=True, eq=False)
+class _Judged:
+    """Landed motion of a mesh, with the data for its refinement.
+
+    Attributes:
+        optimum: the motion, with its certificate.
+        saving: bound on the first-order saving, as a part of the duration; infinite: unknown.
+        to_divide: intervals to divide if the motion is nearly certified, shape (K,).
+    """
+
+    optimum: Optimum
+    saving: float
+    to_divide: Flags
 
 
 def _divided_until_certified(meshes: _Meshes, mesh: Attempt) -> Optimum | None:
@@ -256,23 +266,23 @@ def _divided_until_certified(meshes: _Meshes, mesh: Attempt) -> Optimum | None:
     task, numbers, judged = meshes.task, meshes.task.policy.motion_mesh, _judged(meshes.task, mesh)
     if judged is None:
         return None
-    best, saving, to_divide = judged
+    best = judged
     for k in range(numbers.further_meshes):
-        if not np.any(to_divide) or meshes.work.left <= 0:
+        if not np.any(best.to_divide) or meshes.work.left <= 0:
             break
-        velocity, position = excess(task, best)
+        velocity, position = excess(task, best.optimum)
         margins = MeshMargins(velocity if k else 0.0, position)  # shorter intervals: smaller excess
-        divided = meshes.sharp(mesh, _in_parts(mesh.mesh, np.where(to_divide, numbers.parts, 1)), margins)
+        divided = meshes.sharp(mesh, _in_parts(mesh.mesh, np.where(best.to_divide, numbers.parts, 1)), margins)
         judged = None if divided is None else _judged(task, divided)
-        if divided is None or judged is None or judged[1] > max(saving, OPTIMALITY_TOLERANCE):
+        if divided is None or judged is None or judged.saving > max(best.saving, OPTIMALITY_TOLERANCE):
             break
-        mesh, (best, saving, to_divide) = divided, judged
-    early = mesh.ended_early and saving > OPTIMALITY_TOLERANCE / 5
-    if best.certificate.ok and early and (again := meshes.sharp(mesh, mesh.mesh)) is not None:
+        mesh, best = divided, judged
+    early = mesh.ended_early and best.saving > OPTIMALITY_TOLERANCE / 5
+    if best.optimum.certificate.ok and early and (again := meshes.sharp(mesh, mesh.mesh)) is not None:
         judged = _judged(task, again)
-        if judged is not None and judged[0].certificate.ok and judged[0].cost < best.cost:
-            best = judged[0]
-    return _within_margins(meshes, mesh, best)
+        if judged is not None and judged.optimum.certificate.ok and judged.optimum.cost < best.optimum.cost:
+            best = judged
+    return _within_margins(meshes, mesh, best.optimum)
 
 
 def _within_margins(meshes: _Meshes, mesh: Attempt, optimum: Optimum) -> Optimum:
@@ -290,7 +300,7 @@ def _within_margins(meshes: _Meshes, mesh: Attempt, optimum: Optimum) -> Optimum
         judged = None if again is None else _judged(task, again)
         if again is None or judged is None:
             break
-        mesh, last = again, judged[0]
+        mesh, last = again, judged.optimum
     return last if last.usable else optimum
 
 
@@ -317,14 +327,15 @@ def _judged(task: Task, attempt: Attempt) -> _Judged | None:
     certificate = repeated(problem, found.trajectory, certificate)  # not repeatable: try another optimum
     known = costates if saving <= OPTIMALITY_TOLERANCE else None
     to_divide = _to_divide(task, motion, replay, costates)
-    return replace(found, certificate=certificate, costates=known), saving, to_divide
+    return _Judged(replace(found, certificate=certificate, costates=known), saving, to_divide)
 
 
 def _to_divide(task: Task, motion: Shooting, replay: Trajectory, costates: MeshCostates | None) -> Flags:
     """Intervals of a nearly certified motion that are slightly beyond a limit, or have most of its saving."""
-    flags, beyond = np.zeros(len(motion.tau), bool), excesses(task.problem.limits, replay)
+    flags = np.zeros(len(motion.tau), bool)
     if costates is None or costates.saving > 4 * OPTIMALITY_TOLERANCE:
         return flags
+    beyond = excesses(task.problem.limits, replay)
     if max(one.share for one in beyond) <= 4 * OPTIMALITY_TOLERANCE:
         for one in beyond:
             at = one.t[np.any(one.beyond > LIMIT_TOLERANCE * one.size, axis=1)]
