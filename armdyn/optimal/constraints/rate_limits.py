@@ -33,18 +33,10 @@ _SLOPES = _POWERS[1:] * _PLACES[:, None] ** _POWERS[:-1] @ np.linalg.inv(_POINTS
 """Likewise its derivatives."""
 
 
-def times_within(motion: Trajectory, parts: int = _POINTS.size - 1) -> Array:
-    """Evenly spaced times [s] in every sample that is no jump of the torque, its ends included.
-
-    Args:
-        motion: the motion.
-        parts: number of parts of a sample.
-
-    Returns:
-        Shape ((parts + 1) samples,).
-    """
+def times_within(motion: Trajectory) -> Array:
+    """Evenly spaced times [s], as many as `_POINTS`, in every sample that is no jump of the torque, shape (m,)."""
     steps = np.diff(motion.t)[:, None]
-    return np.asarray((motion.t[:-1, None] + steps * np.linspace(0, 1, parts + 1))[~motion.jumps].ravel())
+    return np.asarray((motion.t[:-1, None] + steps * np.linspace(0, 1, _POINTS.size))[~motion.jumps].ravel())
 
 
 def accelerations(robot: Robot, motion: Trajectory) -> tuple[Array, Array, Array]:
