@@ -196,9 +196,6 @@ def test_an_obstacle_shape(wedge, tmp_path):
 
 def test_a_constraint_with_a_mistake_is_refused_with_its_class():
     class Wrong(FrameSpeedLimit):
-        def values(self, problem):
-            return ()
-
         def check(self, problem, motion, passing):
             return None
 
@@ -210,8 +207,6 @@ def test_a_constraint_with_a_mistake_is_refused_with_its_class():
 
     problem = of(Wrong(1.0))
     constraints = TightenedConstraints.of(Task.of(problem))
-    with pytest.raises(ProblemError, match=r"Wrong\.values returns RowValues with \[\] numbers; its rows have \[1\]"):
-        constraints.values(problem)
     with pytest.raises(ProblemError, match=r"result of Wrong\.check is None; it must be a ConstraintReport"):
         constraints.check(problem, spline(problem, []), np.empty(0))
     with pytest.raises(ProblemError, match="Unnamed has no name"):

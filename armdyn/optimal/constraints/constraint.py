@@ -1,6 +1,6 @@
 """Base classes of path constraints, and reports on motions.
 
-The program satisfies a constraint at the points of a mesh (`rows`, `values`), the replay is checked everywhere
+The program satisfies a constraint at the points of a mesh (`rows`), the replay is checked everywhere
 (`check`), and an excess between the points tightens the constraint (`tightened`).
 """
 
@@ -17,7 +17,7 @@ from armdyn.arguments import each, number, text
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.models.scene.collision import Clearance, CollisionModel
-from armdyn.optimal.constraints.rows import RowValues, StageRows
+from armdyn.optimal.constraints.rows import StageRows
 from armdyn.optimal.problem.planning_limits import PathConstraintSpec
 from armdyn.optimal.problem.policy.refinement import PathConstraintPolicy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -192,11 +192,7 @@ class PathConstraint(PathConstraintSpec, ABC):
         return None
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
-        """Rows of the constraint in the program."""
-        return ()
-
-    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
-        """Parameters and bounds of each of `rows`."""
+        """Rows of the constraint in the program, as tight as the constraint is."""
         return ()
 
     def report(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
@@ -16,7 +17,7 @@ from armdyn.errors import ProblemError, SpecError
 from armdyn.models.presets.interface import REST_VELOCITY, VelocityTaper
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.constraints.constraint import ConstraintReport, PartialLimit, Path
-from armdyn.optimal.constraints.rows import RowValues, StageRows, Stages
+from armdyn.optimal.constraints.rows import StageRows, Stages
 from armdyn.optimal.problem.checks import SLOWEST
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.trajectory import Trajectory
@@ -87,8 +88,9 @@ class DerivativeLimit(PartialLimit):
     def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array]:
         return self.order, self.part * np.asarray(self.limits(problem))
 
-    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
-        return (RowValues(-self.part, self.part, 1 / np.asarray(self.limits(problem))),)
+    def _within(self, problem: MinimumTimeProblem, expression: Callable[..., ca.SX]) -> StageRows:
+        """Rows of the derivative over its limits."""
+        return StageRows(expression, -self.part, self.part, 1 / np.asarray(self.limits(problem)))
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """Check accelerations by forward dynamics, and their time derivatives, within every sample."""
@@ -111,7 +113,7 @@ class AccelerationLimit(DerivativeLimit):
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Rows of accelerations at the stages of every interval, over the limits."""
-        return (StageRows(_accelerations, numbers=problem.robot.nv),)
+        return (self._within(problem, _accelerations),)
 
     def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
         return float(np.sqrt(np.max(np.abs(path.ddq) / np.asarray(problem.acceleration_limit))))
@@ -132,13 +134,10 @@ class JerkLimit(DerivativeLimit):
     def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Differences of accelerations between stages over the limits; the accelerations at both ends."""
         return (
-            StageRows(_jerks, numbers=problem.robot.nv),
-            StageRows(_acceleration_at, (0,), where="first"),
-            StageRows(_acceleration_at, (-1,), where="last"),
+            self._within(problem, _jerks),
+            StageRows(_acceleration_at, 0, 0, arguments=(0,), where="first"),
+            StageRows(_acceleration_at, 0, 0, arguments=(-1,), where="last"),
         )
-
-    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
-        return *super().values(problem), RowValues(0, 0), RowValues(0, 0)
 
 
 def _jerks(stages: Stages, over_limit: ca.SX) -> ca.SX:
@@ -167,11 +166,9 @@ class VelocityTaperLimit(PartialLimit):
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Rows of the tapered velocity limits at the stages of every interval, over the joints' ranges."""
-        return (StageRows(_beyond, numbers=4 * problem.robot.nv + 1),)
-
-    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         taper = _taper(problem)
-        return (RowValues(-np.inf, 0.0, np.array([*taper.lower, *taper.upper, *taper.gain, *taper.offset, self.part])),)
+        numbers = np.array([*taper.lower, *taper.upper, *taper.gain, *taper.offset, self.part])
+        return (StageRows(_beyond, -np.inf, 0.0, numbers),)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """Check tapered velocities at five points of every sample."""
@@ -264,10 +261,7 @@ class FrameSpeedLimit(PartialLimit):
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Squared speeds at the stages of every interval, over the squared limit."""
-        return (StageRows(_squares, (self.frame,), numbers=1),)
-
-    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
-        return (RowValues(-np.inf, self.part**2, np.array([self.limit**-2])),)
+        return (StageRows(_squares, -np.inf, self.part**2, [self.limit**-2], (self.frame,)),)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """Check speeds by Pinocchio, at five points of every sample."""

@@ -19,7 +19,7 @@ from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.proof_of_clearance import frame_accelerations
 from armdyn.models.scene.reaching import DIRECTIONS, GoalPose, deviations_of, moving_directions
 from armdyn.optimal.constraints.constraint import ConstraintReport, PartialLimit, PathConstraint
-from armdyn.optimal.constraints.rows import RowValues, StageRows, Stages, Where
+from armdyn.optimal.constraints.rows import StageRows, Stages, Where
 from armdyn.optimal.problem.checks import check_every_joint_has_motor
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
@@ -60,19 +60,20 @@ class GoalRegion(PathConstraint):
         """Rows of the last interval."""
         return (region_rows(problem.robot, self.goal, "last"),)
 
-    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
-        """Zero, or the tolerance in both directions."""
-        return (region_values(problem.robot, self.goal),)
-
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: np.ndarray) -> ConstraintReport:
         """Report without a check: the end found becomes the goal, which is checked separately."""
         return ConstraintReport(self.name, "the end is chosen within the region")
 
 
 def region_rows(
-    robot: Robot, goal: GoalPose, where: Where, leg: int | None = None, stages: tuple[int, ...] = (-1,)
+    robot: Robot,
+    goal: GoalPose,
+    where: Where,
+    leg: int | None = None,
+    stages: tuple[int, ...] = (-1,),
+    part: float = 1.0,
 ) -> StageRows:
-    """Rows of a frame's deviations from a goal, over the tolerances.
+    """Rows of a frame's deviations from a goal, within a part of the tolerances in both directions.
 
     Args:
         robot: the arm.
@@ -80,23 +81,15 @@ def region_rows(
         where: intervals with rows.
         leg: index of the leg; None: the whole motion.
         stages: indices of the interval's stages.
+        part: part of the tolerances.
     """
-    limited = _limited(robot, goal)
-    return StageRows(_deviations, (goal.frame, limited, goal.axis, stages), 12 + len(limited), where, leg)
-
-
-def region_values(robot: Robot, goal: GoalPose, part: float = 1.0, stages: int = 1) -> RowValues:
-    """Parameters of `region_rows` and their bounds: a part of the tolerances in both directions."""
-    limited, pose = list(_limited(robot, goal)), goal.pose
-    most = goal.deviations[limited]
+    limited = np.flatnonzero(np.isfinite(goal.deviations) & moving_directions(robot, goal))
+    most, pose = goal.deviations[limited], goal.pose
     scale = np.maximum(most, _LEAST)
-    bound = np.tile(part * most / scale, stages)
-    return RowValues(-bound, bound, np.concatenate([pose.rotation.ravel(order="F"), pose.translation, 1 / scale]))
-
-
-def _limited(robot: Robot, goal: GoalPose) -> tuple[int, ...]:
-    """Limited directions, of x, y, z, rx, ry, rz, in which the frame can move."""
-    return tuple(np.flatnonzero(np.isfinite(goal.deviations) & moving_directions(robot, goal)).tolist())
+    bound = np.tile(part * most / scale, len(stages))
+    numbers = np.concatenate([pose.rotation.ravel(order="F"), pose.translation, 1 / scale])
+    arguments = (goal.frame, tuple(limited.tolist()), goal.axis, stages)
+    return StageRows(_deviations, -bound, bound, numbers, arguments, where, leg)
 
 
 def _deviations(
@@ -146,11 +139,8 @@ class ViaPoints(PathConstraint):
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Rows at the ends of legs in regions."""
-        return tuple(region_rows(problem.robot, one, "last", leg) for leg, one in problem.via_regions.items())
-
-    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
-        parts = self.parts or np.ones(len(problem.via))
-        return tuple(region_values(problem.robot, one, parts[leg]) for leg, one in problem.via_regions.items())
+        parts, regions = self.parts or np.ones(len(problem.via)), problem.via_regions.items()
+        return tuple(region_rows(problem.robot, one, "last", leg, part=parts[leg]) for leg, one in regions)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """Check the distance from each via point: of a pose at its time, of a region at the nearest time."""
@@ -266,12 +256,9 @@ class FrameRegion(PartialLimit):
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Deviations at the stages of every interval, and at the leg's start."""
-        every = region_rows(problem.robot, self.region, "every", self.leg, _STAGES)
-        return (every, region_rows(problem.robot, self.region, "first", self.leg, (0,)))
-
-    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         part = self.part * self.policy.region_part
-        return tuple(region_values(problem.robot, self.region, part, count) for count in (len(_STAGES), 1))
+        every = region_rows(problem.robot, self.region, "every", self.leg, _STAGES, part)
+        return (every, region_rows(problem.robot, self.region, "first", self.leg, (0,), part))
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """Check the region by Pinocchio, densely enough for a proof by bounds of second derivatives."""

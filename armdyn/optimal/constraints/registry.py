@@ -16,7 +16,7 @@ from armdyn.optimal.constraints.clearance import ClearanceConstraint
 from armdyn.optimal.constraints.constraint import ConstraintReport, ConstraintReports, PathConstraint, RequiredDistances
 from armdyn.optimal.constraints.rate_limits import AccelerationLimit, FrameSpeedLimit, JerkLimit, VelocityTaperLimit
 from armdyn.optimal.constraints.regions import FrameRegion, ViaPoints
-from armdyn.optimal.constraints.rows import RowValues, StageRows
+from armdyn.optimal.constraints.rows import StageRows
 from armdyn.optimal.constraints.torque_limits import RmsTorque, TorqueRateLimit, TorqueSpeedLimit
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.task import Task
@@ -144,14 +144,6 @@ class TightenedConstraints:
         """Rows of the program besides the equations of motion."""
         return tuple(rows for constraint in self.path_constraints for rows in constraint.rows(problem))
 
-    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
-        """Parameters and bounds of these rows.
-
-        Raises:
-            ProblemError: a constraint's values do not fit its rows.
-        """
-        return tuple(values for constraint in self.path_constraints for values in _values_of(constraint, problem))
-
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReports:
         """Check all path constraints along a motion; `passing`: times of the via points [s]."""
         reports = tuple(constraint.check(problem, motion, passing) for constraint in self.path_constraints)
@@ -167,18 +159,3 @@ class TightenedConstraints:
     def aimed(self, problem: MinimumTimeProblem, replay: Trajectory, passing: Array) -> Self:
         """Correct via points and goal by the replay's misses."""
         return replace(self, aim=self.aim.corrected(problem, replay, passing))
-
-
-def _values_of(constraint: PathConstraint, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
-    """Parameters and bounds of a constraint's rows, checked against the rows.
-
-    Raises:
-        ProblemError: another number of rows or parameters.
-    """
-    values, sizes = constraint.values(problem), [rows.numbers for rows in constraint.rows(problem)]
-    found = [one.numbers.size for one in values]
-    if found != sizes:
-        raise ProblemError(
-            f"{type(constraint).__name__}.values returns RowValues with {found} numbers; its rows have {sizes}"
-        )
-    return values

@@ -151,74 +151,65 @@ def nonzeros_of(matrix: ca.SX) -> ca.SX:
 
 @dataclass(frozen=True)
 class StageRows:
-    """Rows as an expression of an interval's stages; without numbers, so that equal rows share a program.
+    """Rows between bounds, as an expression of an interval's stages.
+
+    Rows that differ only in their bounds and numbers are equal, and share a program.
 
     Attributes:
         expression: (stages, numbers, *arguments) -> a column; a module-level function: equal rows compare equal.
+        lower: lower bounds of all rows in all intervals, broadcast to shape (intervals, rows).
+        upper: upper bounds, likewise.
+        numbers: parameters of the expression.
         arguments: further arguments of the expression.
-        numbers: number of parameters of the expression.
         where: intervals with rows.
         leg: index of the leg; None: the whole motion. Only curves have rows of one leg.
+        size: number of parameters.
     """
 
     expression: Callable[..., ca.SX]
+    lower: ArrayLike = field(compare=False)
+    upper: ArrayLike = field(compare=False)
+    numbers: ArrayLike = field(default=(), compare=False)
     arguments: tuple[Hashable, ...] = ()
-    numbers: int = 0
     where: Where = "every"
     leg: int | None = None
+    size: int = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "size", np.size(self.numbers))
 
     def functions(self, place: IntervalView) -> IntervalFunctions:
         """The rows and their derivatives."""
         return _stage_functions(replace(self, where="every", leg=None), place)  # independent of the interval
 
+    def intervals(self, legs: Sequence[int]) -> Index:
+        """Indices of the intervals with rows; legs: number of intervals of each leg."""
+        whole = np.arange(sum(legs))
+        own = whole if self.leg is None else whole[sum(legs[: self.leg]) : sum(legs[: self.leg + 1])]
+        return {"every": own, "sum": own, "first": own[:1], "last": own[-1:]}[self.where]
 
-@dataclass(frozen=True, eq=False)
-class RowValues:
-    """Parameters and bounds of rows.
-
-    Attributes:
-        lower: lower bounds of all rows in all intervals, broadcast to shape (intervals, rows).
-        upper: upper bounds, likewise.
-        numbers: parameters of the expression.
-    """
-
-    lower: ArrayLike
-    upper: ArrayLike
-    numbers: Array = field(default_factory=lambda: np.empty(0))
+    def bounds(self, place: IntervalView, legs: Sequence[int]) -> tuple[Array, Array]:
+        """Lower and upper bounds, one for each row of the program; legs: number of intervals of each leg."""
+        places = 1 if self.where == "sum" else self.intervals(legs).size
+        shape = (places, self.functions(place).defects.numel_out(0))
+        return np.broadcast_to(self.lower, shape).ravel(), np.broadcast_to(self.upper, shape).ravel()
 
 
-def spread(
-    rows: StageRows, functions: IntervalFunctions, values: RowValues, legs: Sequence[int]
-) -> tuple[Array, Array]:
-    """Lower and upper bounds of rows, one for each row of the program; legs: number of intervals of each leg."""
-    shape = (1 if rows.where == "sum" else intervals_of(rows, legs).size, functions.defects.numel_out(0))
-    return np.broadcast_to(values.lower, shape).ravel(), np.broadcast_to(values.upper, shape).ravel()
-
-
-def intervals_of(rows: StageRows, legs: Sequence[int]) -> Index:
-    """Indices of the intervals with rows; legs: number of intervals of each leg."""
-    whole = np.arange(sum(legs))
-    own = whole if rows.leg is None else whole[sum(legs[: rows.leg]) : sum(legs[: rows.leg + 1])]
-    return {"every": own, "sum": own, "first": own[:1], "last": own[-1:]}[rows.where]
-
-
-def row_bounds(
-    rows: Sequence[StageRows], values: Sequence[RowValues], place: IntervalView, intervals: int
-) -> tuple[Array, Array]:
+def row_bounds(rows: Sequence[StageRows], place: IntervalView, intervals: int) -> tuple[Array, Array]:
     """Lower and upper bounds of a program's rows besides the equations of motion, in their order."""
-    sides = [spread(each, each.functions(place), own, (intervals,)) for each, own in zip(rows, values, strict=True)]
-    lower, upper = zip(*sides, strict=True) if sides else ((), ())
-    return np.concatenate([np.empty(0), *lower]), np.concatenate([np.empty(0), *upper])
+    sides = [(np.empty(0),) * 2, *(each.bounds(place, (intervals,)) for each in rows)]
+    lower, upper = zip(*sides, strict=True)
+    return np.concatenate(lower), np.concatenate(upper)
 
 
-def numbers_of(values: Sequence[RowValues]) -> Array:
+def numbers_of(rows: Sequence[StageRows]) -> Array:
     """Parameters of a program's rows."""
-    return np.concatenate([np.empty(0), *(each.numbers for each in values)])
+    return np.concatenate([np.empty(0), *(each.numbers for each in rows)])
 
 
 @built_once(maxsize=64)
 def _stage_functions(rows: StageRows, place: IntervalView) -> IntervalFunctions:
-    one, numbers = place.stages(), ca.SX.sym("numbers", rows.numbers)
+    one, numbers = place.stages(), ca.SX.sym("numbers", rows.size)
     p, name = ca.vertcat(one.p, numbers), rows.expression.__name__.strip("_")
     q, v, a = (ca.SX.sym(letter, *one.q.shape) for letter in "qva")
     column = rows.expression(replace(one, q=q, v=v, a=a), numbers, *rows.arguments)

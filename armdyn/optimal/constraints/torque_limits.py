@@ -15,7 +15,7 @@ from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.per_joint import filled, per_joint
 from armdyn.optimal.constraints.constraint import ConstraintReport, PartialLimit, PathConstraint
-from armdyn.optimal.constraints.rows import RowValues, StageRows, Stages
+from armdyn.optimal.constraints.rows import StageRows, Stages
 from armdyn.optimal.problem.checks import held
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
@@ -74,21 +74,13 @@ class TorqueRateLimit(PathConstraint):
         return np.asarray(self.limit)
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
-        """Rates in every interval over the limits; the torques at both ends."""
-        n = problem.robot.nv
+        """Rates in every interval over the limits; the torques at both ends, free if none can hold the arm there."""
+        (start, begins), (goal, ends) = (self._held(problem, x) for x in (problem.x_start, problem.x_goal))
         return (
-            StageRows(_rates, numbers=n),
-            StageRows(_from_torque, (0.0,), numbers=n, where="first"),
-            StageRows(_from_torque, (1.0,), numbers=n, where="last"),
+            StageRows(_rates, -1, 1, 1 / np.asarray(self.limit)),
+            StageRows(_from_torque, -begins, begins, start, (0.0,), "first"),
+            StageRows(_from_torque, -ends, ends, goal, (1.0,), "last"),
         )
-
-    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
-        """Bounds of ±1, and none at an end whose holding torque is out of reach."""
-        ends = [
-            RowValues(-free, free, hold)
-            for hold, free in (self._held(problem, x) for x in (problem.x_start, problem.x_goal))
-        ]
-        return (RowValues(-1, 1, 1 / np.asarray(self.limit)), *ends)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """Check rates between consecutive samples, where the replay's torques are linear."""
@@ -152,14 +144,9 @@ class TorqueSpeedLimit(PartialLimit):
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Rows of the torque-speed lines at the stages of every interval, over c; torques are continuous at knots."""
-        slopes, _ = problem.limits.actuators.lines
-        count, numbers = len(slopes), 2 * slopes.size
-        return StageRows(_lines, (count, True), numbers), StageRows(_lines, (count, False), numbers, "first")
-
-    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         slopes, rest = problem.limits.actuators.lines
-        own = RowValues(-self.part, self.part, np.concatenate([(1 / rest).ravel(), (slopes / rest).ravel()]))
-        return own, own
+        inner = StageRows(_lines, -self.part, self.part, np.append(1 / rest, slopes / rest), (len(slopes), True))
+        return inner, replace(inner, arguments=(len(slopes), False), where="first")
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """Check torques at the samples, between which they are linear."""
@@ -229,12 +216,10 @@ class RmsTorque(PartialLimit):
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """∫ ((τ/limit)² - part²) dt [s] of every joint."""
-        return (StageRows(_surplus, numbers=problem.robot.nv + 1, where="sum"),)
-
-    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         square = self.part**2
         left = self.dwell * (square - self._held(problem))
-        return (RowValues(-np.inf, left, np.append(np.asarray(self.limit, dtype=float) ** -2, square)),)
+        numbers = np.append(np.asarray(self.limit, dtype=float) ** -2, square)
+        return (StageRows(_surplus, -np.inf, left, numbers, where="sum"),)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """Check the integral of the replay's torques, linear between samples."""

@@ -10,7 +10,6 @@ import numpy as np
 from armdyn.arrays import Array
 from armdyn.codegen.background import is_building
 from armdyn.optimal.constraints.registry import TightenedConstraints
-from armdyn.optimal.constraints.rows import intervals_of
 from armdyn.optimal.constraints.torque_limits import RmsTorque
 from armdyn.optimal.curves.curve import Curve
 from armdyn.optimal.curves.layout import CurveSpec
@@ -289,8 +288,7 @@ def _heating(task: Task, refined: RefinedCurve) -> dict[str, Array]:
     rms_limits = (each for each in refined.spec.constraints.path_constraints if isinstance(each, RmsTorque))
     heated = {rows: each.dwell for each in rms_limits for rows in each.rows(task.problem)}
     for rows in reversed(solved.rows):  # the last equations
-        places = 1 if rows.where == "sum" else intervals_of(rows, legs).size
-        begin = end - rows.functions(place).defects.numel_out(0) * places
+        begin = end - rows.bounds(place, legs)[0].size
         if rows in heated:
             multipliers = solved.result.lam_g[slice(begin, end or None)]
             part = 2 * multipliers * solved.guessed * (1 + heated[rows] / solved.curve.duration)

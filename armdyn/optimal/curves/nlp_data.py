@@ -10,10 +10,9 @@ from armdyn.arrays import Array, Index
 from armdyn.models.values.actuator_limits import ActuatorLimits
 from armdyn.optimal.constraints.regions import GoalRegion
 from armdyn.optimal.constraints.registry import TightenedConstraints
-from armdyn.optimal.constraints.rows import intervals_of, spread
 from armdyn.optimal.curves.curve import WINDOW, Basis, Curve
 from armdyn.optimal.curves.layout import POINTS, CurveLayout, CurveSpec, TorqueMargin, finite, rate_limits, torque_rates
-from armdyn.optimal.curves.program import CurveInterval, constraint_values, rows_of
+from armdyn.optimal.curves.program import CurveInterval, rows_of
 from armdyn.optimal.mesh.ipopt import NlpData
 from armdyn.optimal.problem.checks import held
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -194,10 +193,8 @@ def _rows(task: Task, guess: Curve, constraints: TightenedConstraints) -> Iterat
     if not rows:
         return
     powers = np.vstack([_powers(leg.basis) for leg in guess.legs])
-    values = constraint_values(problem, constraints)
-    for each, own in zip(rows, values, strict=True):
-        own_powers = powers[intervals_of(each, intervals)]
-        yield np.append(own_powers, own.numbers), *spread(each, each.functions(place), own, intervals)
+    for each in rows:
+        yield np.append(powers[each.intervals(intervals)], each.numbers), *each.bounds(place, intervals)
 
 
 def _powers(basis: Basis) -> Array:

@@ -1,6 +1,6 @@
 """Nonlinear program of B-spline motions: inverse dynamics at points, limits of derivatives, continuity between legs."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -11,15 +11,7 @@ from armdyn.codegen.deadline import expect_time
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.optimal.constraints.registry import TightenedConstraints
-from armdyn.optimal.constraints.rows import (
-    IntervalFunctions,
-    RowValues,
-    StageRows,
-    Stages,
-    differentiated,
-    intervals_of,
-    nonzeros_of,
-)
+from armdyn.optimal.constraints.rows import IntervalFunctions, StageRows, Stages, differentiated, nonzeros_of
 from armdyn.optimal.constraints.torque_limits import TorqueSpeedLimit
 from armdyn.optimal.curves.curve import WINDOW
 from armdyn.optimal.curves.layout import POINTS, CurveLayout
@@ -231,21 +223,11 @@ def _powers(s: Array, order: int) -> Array:
     return np.array([np.polynomial.Polynomial(row).deriv(order)(s) for row in np.eye(WINDOW)])
 
 
-def _with_rows(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> TightenedConstraints:
-    """The constraints that need rows of their own, apart from bounds of control points or torques."""
+def rows_of(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[StageRows, ...]:
+    """Rows of the constraints that need rows of their own, apart from bounds of control points or torques."""
     own = (each for each in constraints.path_constraints if not isinstance(each, TorqueSpeedLimit))
     own = (each for each in own if each.derivative_limit(problem) is None and each.torque_rate_limit(problem) is None)
-    return replace(constraints, path_constraints=tuple(own))
-
-
-def rows_of(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[StageRows, ...]:
-    """Rows of the constraints that need rows of their own."""
-    return _with_rows(problem, constraints).rows(problem)
-
-
-def constraint_values(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[RowValues, ...]:
-    """Parameters and bounds of each of `rows_of`."""
-    return _with_rows(problem, constraints).values(problem)
+    return tuple(rows for each in own for rows in each.rows(problem))
 
 
 _BUILT = 2.5e-5
@@ -272,7 +254,7 @@ def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[StageRows, ...], c
     def add(one: IntervalFunctions, index: Index, whole: bool = False, rows: StageRows | None = None) -> None:
         """Add equations at places, a column of unknowns each. Parameters: each place's, perhaps `Shared`, the rows'."""
         nonlocal first
-        places, common = index.shape[1], 0 if rows is None else rows.numbers
+        places, common = index.shape[1], 0 if rows is None else rows.size
         own = one.defects.numel_in(1) - shared * whole - common
         each = first + np.arange(own * places).reshape(places, own).T
         first += own * places + common
@@ -300,6 +282,6 @@ def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[StageRows, ...], c
             add(torque_rate_equations(n, 1, given=True), end)
     everywhere = np.hstack([shape.in_intervals(leg) for leg in shape.legs])
     for each in rows:
-        index = everywhere[:, intervals_of(each, shape.intervals)]
+        index = everywhere[:, each.intervals(shape.intervals)]
         add(each.functions(CurveInterval(dynamics, compile_mode)), index, True, each)
     return program_of(blocks, shape.size, [shape.duration(leg) for leg in shape.legs], shared - 1)

@@ -15,7 +15,7 @@ from armdyn.arrays import Index
 from armdyn.dynamics.motion import LOBATTO_3
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once, cached_property
-from armdyn.optimal.constraints.rows import IntervalFunctions, StageRows, Stages, differentiated, intervals_of
+from armdyn.optimal.constraints.rows import IntervalFunctions, StageRows, Stages, differentiated
 from armdyn.optimal.mesh.layout import Layout, Parameters
 from armdyn.optimal.problem.options import Scheme
 
@@ -213,11 +213,11 @@ def build_nlp(dynamics: Dynamics, scheme: Scheme, intervals: int, rows: Sequence
     blocks = [Block(interval_functions(dynamics, scheme), unknowns, parameters)]
     first = Parameters.size(dynamics.nv, intervals)
     for each in rows:
-        here = intervals_of(each, (intervals,))
-        numbers = (first + np.arange(each.numbers))[:, None].repeat(here.size, axis=1)
+        here = each.intervals((intervals,))
+        numbers = (first + np.arange(each.size))[:, None].repeat(here.size, axis=1)
         own = np.vstack([parameters[:, here], numbers])
         blocks.append(Block(each.functions(view), unknowns[:, here], own, each.where == "sum"))
-        first += each.numbers
+        first += each.size
     return program_of(blocks, layout.size(intervals))
 
 

@@ -181,7 +181,6 @@ def assemble_mesh(
     problem, scales, layout = task.problem, Scales.of(task.problem, guess), Layout(task.dynamics.nv, task.scheme)
     constraints = TightenedConstraints.of(task) if constraints is None else constraints
     legs, rows = legs_of(problem, guess, intervals, knots), constraints.rows(problem)
-    values = constraints.values(problem)
     fractions = np.concatenate([np.diff(mesh(size)) for size in legs.intervals])
     if knots is not None:
         fractions = np.diff(knots) / np.add.reduceat(np.diff(knots), legs.knots - legs.intervals)[legs.of_interval]
@@ -191,11 +190,11 @@ def assemble_mesh(
     parameters = scales.parameters(fractions, weights, task.dynamics.last_body)
     x = to_unknowns(guess, layout, shares, scales)
     _fix_legs(problem, layout, legs, constraints.aim, scales, x, (lower, upper))
-    sides = row_bounds(rows, values, CollocationInterval(task.dynamics, task.scheme), intervals)
+    sides = row_bounds(rows, CollocationInterval(task.dynamics, task.scheme), intervals)
     lbg, ubg = (np.concatenate(both) for both in zip(_equations(layout, legs), sides, strict=True))
     return MeshNlpData(
         x=np.clip(x, lower, upper),
-        p=np.concatenate([parameters, numbers_of(values)]),
+        p=np.concatenate([parameters, numbers_of(rows)]),
         x_bounds=(lower, upper),
         g_bounds=(lbg, ubg),
         layout=layout,

@@ -12,7 +12,7 @@ import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.optimal.constraints.constraint import ConstraintReport, PathConstraint
 from armdyn.optimal.constraints.registry import options, path_constraint_named, path_constraints_of
-from armdyn.optimal.constraints.rows import RowValues, StageRows
+from armdyn.optimal.constraints.rows import StageRows
 from armdyn.optimal.problem.planning_limits import PathConstraintSpec
 from problems import POSES, paper_arm, solve
 
@@ -29,7 +29,7 @@ def rr(*path_constraints, **keywords):
 @pytest.mark.slow
 def test_the_guide_s_example_works():
     (code,) = re.findall(r"```python\n(   @dataclass.*?)```", GUIDE.read_text(), re.DOTALL)
-    room = {each.__name__: each for each in (dataclass, PathConstraint, ConstraintReport, StageRows, RowValues)} | {
+    room = {each.__name__: each for each in (dataclass, PathConstraint, ConstraintReport, StageRows)} | {
         "np": np,
         "ca": ca,
     }

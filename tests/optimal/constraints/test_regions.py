@@ -168,13 +168,13 @@ def test_deviations_are_those_of_the_placements(region, rows):
     centre = pin.SE3.Random()
     goal = ad.GoalPose("tool0", centre, **region)
     problem = ad.MinimumTimeProblem(robot, q_start=np.zeros(6), q_goal=np.full(6, 0.1))
-    (one,), (values,) = GoalRegion(goal).rows(problem), GoalRegion(goal).values(problem)
-    assert np.shape(values.upper) == (rows,) and np.all(np.isfinite(values.upper)) and one.where == "last"
-    scale = 1 / values.numbers[12:]
-    np.testing.assert_allclose(values.upper * scale, goal.deviations[np.isfinite(goal.deviations)])
+    (one,) = GoalRegion(goal).rows(problem)
+    assert np.shape(one.upper) == (rows,) and np.all(np.isfinite(one.upper)) and one.where == "last"
+    scale = 1 / one.numbers[12:]
+    np.testing.assert_allclose(one.upper * scale, goal.deviations[np.isfinite(goal.deviations)])
     q = ca.SX.sym("q", 6)
     stages = SimpleNamespace(q=ca.horzcat(0 * q, q), dynamics=ad.Dynamics(robot))
-    function = ca.Function("rows", [q], [one.expression(stages, ca.SX(values.numbers), *one.arguments)])
+    function = ca.Function("rows", [q], [one.expression(stages, ca.SX(one.numbers), *one.arguments)])
     model, data, frame = robot.model, robot.model.createData(), robot.model.getFrameId("tool0")
     for at in rng.uniform(-2, 2, (20, 6)):
         pin.framesForwardKinematics(model, data, at)

@@ -1,5 +1,7 @@
 """Rows along the path: their derivatives against CasADi's own, and that a plain problem has none."""
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -46,11 +48,10 @@ def test_derivatives():
     )
     scheme, constraints = Scheme("linear", compile=False), TightenedConstraints.of(Task.of(problem))
     dynamics, rows, N = ad.Dynamics(problem.robot, free_last_body=True), constraints.rows(problem), 2
-    values = constraints.values(problem)
     nlp = build_nlp(dynamics, scheme, N)
     more = build_nlp(dynamics, scheme, N, rows)
     x, p, f, g = (more.functions[name] for name in "xpfg")
-    lower, upper = row_bounds(rows, values, CollocationInterval(dynamics, scheme), N)
+    lower, upper = row_bounds(rows, CollocationInterval(dynamics, scheme), N)
     assert lower.size == upper.size == g.numel() - N * Layout(dynamics.nv, scheme).rows and np.all(lower <= upper)
     lam, sigma = ca.MX.sym("lam", g.numel()), ca.MX.sym("sigma")
     expected = ca.Function(
@@ -61,7 +62,7 @@ def test_derivatives():
     random = np.random.default_rng(0)
     at = 0.3 * random.normal(size=x.numel())
     own = nlp.functions["p"].numel()
-    numbers = np.concatenate([np.full(N, 1 / N), np.ones(own - N - 10), dynamics.last_body, numbers_of(values)])
+    numbers = np.concatenate([np.full(N, 1 / N), np.ones(own - N - 10), dynamics.last_body, numbers_of(rows)])
     weights = random.normal(size=g.numel())
     found, jacobian, hessian = (np.array(each) for each in expected(at, numbers, 0.7, weights))
     mine = [np.array(each) for each in more.jacobian(at, numbers)]
@@ -84,6 +85,8 @@ def test_one_program_serves_all_numbers():
         TightenedConstraints.of(Task.of(each)).rows(each) for each in (problem(1, 20.0), problem(2, [30.0, np.inf]))
     ]
     assert rows[0] == rows[1] and hash(rows[0]) == hash(rows[1])
+    assert not np.array_equal(numbers_of(rows[0]), numbers_of(rows[1]))
+    assert replace(rows[0][0], numbers=[1.0, 2.0]) != rows[0][0]  # their count is the program's
 
 
 def test_legs_share_the_mesh_by_time():
@@ -120,10 +123,12 @@ def torques(stages, numbers, stage):
 
 
 @pytest.mark.parametrize(
-    "rows", [region_rows(ROBOT, REGION, "every", None, (1, 2, 3)), StageRows(torques, (0,))], ids=["region", "torques"]
+    "rows",
+    [region_rows(ROBOT, REGION, "every", None, (1, 2, 3)), StageRows(torques, -1, 1, arguments=(0,))],
+    ids=["region", "torques"],
 )
 def test_the_chain_rule(rows):
-    one, numbers = PLACE.stages(), ca.SX.sym("numbers", rows.numbers)
+    one, numbers = PLACE.stages(), ca.SX.sym("numbers", rows.size)
     p = ca.vertcat(one.p, numbers)
     direct = differentiated("direct", one.y, p, rows.expression(one, numbers, *rows.arguments), None, False)
     chained = rows.functions(PLACE)

@@ -184,7 +184,7 @@ def constraints_that_are_tightened():
     strip = ad.FrameRegion(ad.GoalPose("tip", (0.24, 0, 0), ("z",), (0.24, 0, 0, 0, 0, 0)))
     problem = between("rr", obstacles=[BALL], acceleration_limit=1.0, path_constraints=[strip])
     constraints = TightenedConstraints.of(noted(problem))
-    constraints.values(problem)
+    constraints.rows(problem)
     hasty = spline(problem, [], 0.1)
     for _ in range(5):
         constraints = constraints.tightened(problem, constraints.check(problem, hasty, np.empty(0)))
