@@ -19,7 +19,7 @@ from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.answer.words import MOST_LIMITS
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.verify.certificate import VELOCITY_TOLERANCE
-from armdyn.optimal.verify.sensitivity import Share
+from armdyn.optimal.verify.costates import Share
 from armdyn.reprs import brief, called, gap_words, percent
 from armdyn.trajectory import Trajectory
 

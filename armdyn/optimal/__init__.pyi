@@ -23,5 +23,5 @@ from armdyn.optimal.resolver import Resolver as Resolver
 from armdyn.optimal.verify.arc import Arc as Arc
 from armdyn.optimal.verify.arc import Mode as Mode
 from armdyn.optimal.verify.certificate import Certificate as Certificate
+from armdyn.optimal.verify.costates import Sensitivities as Sensitivities
 from armdyn.optimal.verify.rollout import replay_torques as replay_torques
-from armdyn.optimal.verify.sensitivity import Sensitivities as Sensitivities

@@ -16,8 +16,8 @@ from armdyn.optimal.bound.lower_bound import least_duration
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.curves import curves, rough_motions
 from armdyn.optimal.curves.profiles import profiles
-from armdyn.optimal.mesh.candidates import SearchResult
 from armdyn.optimal.mesh.mesh import mesh
+from armdyn.optimal.mesh.search import SearchResult
 from armdyn.optimal.problem.checks import check_pace
 from armdyn.optimal.problem.choices import MethodName
 from armdyn.optimal.problem.options import MinimumTimeOptions

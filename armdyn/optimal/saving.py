@@ -12,7 +12,7 @@ from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.options import MinimumTimeOptions
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.verify.sensitivity import MORE, Share
+from armdyn.optimal.verify.costates import MORE, Share
 
 _TIED = 0.1
 """Part of the first-order saving below which another limit ties: where none does, 0.9 to 1 of it were saved."""

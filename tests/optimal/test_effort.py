@@ -6,8 +6,8 @@ import pytest
 import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.optimal.curves.curves import rough_motions
-from armdyn.optimal.mesh.candidates import find
 from armdyn.optimal.mesh.mesh import mesh
+from armdyn.optimal.mesh.search import find
 from armdyn.optimal.problem.status import Stop
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import OPTIMALITY_TOLERANCE

@@ -13,14 +13,13 @@ from armdyn.optimal.answer.solution import Solution, with_certificate, without_m
 from armdyn.optimal.answer.words import found_words, replay_words
 from armdyn.optimal.bound.lower_bound import least_duration
 from armdyn.optimal.curves.goals import GoalResult, screened
-from armdyn.optimal.mesh.candidates import SearchResult
-from armdyn.optimal.mesh.multistart import grouped, within
+from armdyn.optimal.mesh.search import SearchResult, grouped, within
 from armdyn.optimal.problem.policy.search import GoalPolicy, SamePolicy
 from armdyn.optimal.problem.status import Status, Stop, stopping
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, Certificate
+from armdyn.optimal.verify.costates import deciding, end_gradient, transversality
 from armdyn.optimal.verify.optimum import Optimum, as_replayed, with_adjoint_check
-from armdyn.optimal.verify.sensitivity import deciding, end_gradient, transversality
 from armdyn.reprs import joint_unit
 
 _NEARLY = 1000 * LIMIT_TOLERANCE

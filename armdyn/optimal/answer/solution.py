@@ -19,8 +19,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.verify.arc import Arc
 from armdyn.optimal.verify.certificate import Certificate
-from armdyn.optimal.verify.costates import Costates, Phases
-from armdyn.optimal.verify.sensitivity import Sensitivities, Share, sensitivities
+from armdyn.optimal.verify.costates import Costates, Phases, Sensitivities, Share, sensitivities
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called
 from armdyn.trajectory import Trajectory

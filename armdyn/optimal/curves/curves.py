@@ -25,15 +25,14 @@ from armdyn.optimal.curves.refinement import (
     within_constraints,
 )
 from armdyn.optimal.curves.solve import prepare_curve, straight_curve
-from armdyn.optimal.mesh.candidates import SearchResult
 from armdyn.optimal.mesh.direct import Attempt
-from armdyn.optimal.mesh.multistart import grouped, within
+from armdyn.optimal.mesh.search import SearchResult, grouped, within
 from armdyn.optimal.mesh.starts import spline, via_guesses
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, ON_CURVE
+from armdyn.optimal.verify.costates import RATE_LIMITS, Share, shares_of
 from armdyn.optimal.verify.optimum import Optimum
-from armdyn.optimal.verify.sensitivity import RATE_LIMITS, Share, shares_of
 from armdyn.optimal.verify.within_limits import can_be_slowed, constraints_mended, follow, least_factor, worst_violation
 from armdyn.parallel import in_processes
 from armdyn.reprs import percent

@@ -16,7 +16,7 @@ from armdyn.optimal.curves.curve import Curve
 from armdyn.optimal.curves.layout import CurveSpec, finite
 from armdyn.optimal.curves.solve import solve_curve, straight_curve
 from armdyn.optimal.mesh.direct import solve_on_mesh
-from armdyn.optimal.mesh.multistart import grouped
+from armdyn.optimal.mesh.search import grouped
 from armdyn.optimal.mesh.starts import spline
 from armdyn.optimal.problem.policy.search import GoalPolicy
 from armdyn.optimal.problem.problem import MinimumTimeProblem

@@ -14,14 +14,14 @@ from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.curve import DEGREE, Basis, Curve, CurveLeg
 from armdyn.optimal.curves.excess import excesses_of, forced_snap, worst_excess
 from armdyn.optimal.curves.layout import rate_limits
-from armdyn.optimal.mesh.candidates import SearchResult
+from armdyn.optimal.mesh.search import SearchResult
 from armdyn.optimal.problem.checks import ROUNDING
 from armdyn.optimal.problem.planning_limits import Profiles
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import ON_CURVE
+from armdyn.optimal.verify.costates import RATE_LIMITS, Share, shares_of
 from armdyn.optimal.verify.optimum import Optimum
-from armdyn.optimal.verify.sensitivity import RATE_LIMITS, Share, shares_of
 from armdyn.optimal.verify.within_limits import follow
 
 _STEP = 1e-6

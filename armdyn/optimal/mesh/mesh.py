@@ -13,13 +13,11 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.optimal.constraints.registry import TightenedConstraints
-from armdyn.optimal.mesh.candidates import SearchResult, find
 from armdyn.optimal.mesh.direct import Attempt, solve_on_mesh
 from armdyn.optimal.mesh.motion_mesh import MeshWork, finer_knots, mesh_optimum, on_finer_meshes
-from armdyn.optimal.mesh.multistart import distinct
+from armdyn.optimal.mesh.search import SearchResult, distinct, find
 from armdyn.optimal.mesh.shooting import replay_on_goal
-from armdyn.optimal.polish.polish import polished
-from armdyn.optimal.polish.structure import Structure
+from armdyn.optimal.polish.polish import Structure, polished
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.arc import arcs_of
 from armdyn.optimal.verify.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE

@@ -14,7 +14,7 @@ from armdyn.arrays import Array, Flags, Index
 from armdyn.optimal.mesh.condensed import solve_on_knots
 from armdyn.optimal.mesh.direct import Attempt
 from armdyn.optimal.mesh.mesh_costates import MeshCostates, mesh_costates
-from armdyn.optimal.mesh.multistart import distinct
+from armdyn.optimal.mesh.search import distinct
 from armdyn.optimal.mesh.shooting import Shooting, gaps, landed
 from armdyn.optimal.mesh.unknowns import mesh
 from armdyn.optimal.problem.options import Acceptable, SolverSettings

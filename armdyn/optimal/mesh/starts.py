@@ -120,6 +120,51 @@ def via_guesses(
     return [straight, *through]
 
 
+def crossover(
+    problem: MinimumTimeProblem,
+    parents: Guesses,
+    random: np.random.Generator,
+    number: int,
+    policy: SearchPolicy,
+) -> Guesses:
+    """A child of one of some motions, most often of one of the first, slowed down a little.
+
+    A child has a small bend added to all joints, a detour of one joint, or the motions of some joints from another
+    optimum. (Leary, Global optimization on funneling landscapes, 2000; of trajectories Vasile, Minisci and Locatelli,
+    2011.)
+
+    Args:
+        problem: problem with the position limits that the child keeps.
+        parents: motions, best first.
+        random: random generator.
+        number: index of the child: the kinds of change are used in turn.
+        policy: sizes of the changes.
+    """
+    many = len(parents.t)
+    chosen, other = random.exponential(policy.selection_scale, 2).astype(int) % many
+    duration = parents.durations[chosen]
+    q, v, tau = (part[chosen].copy() for part in (parents.q, parents.v, parents.tau))
+    offset = np.zeros(q.shape[1])
+    if number % 3 == 0:
+        way = np.abs(np.asarray(problem.q_goal) - np.asarray(problem.q_start))
+        offset = policy.midpoint_spread * random.normal(size=offset.size) * np.maximum(way, policy.least_spread)
+    elif number % 3 == 1 and many > 1 and offset.size > 1:
+        mate = other if other != chosen else (chosen + 1) % many
+        taken = random.permutation(offset.size) < random.integers(1, offset.size)
+        q[:, taken], tau[:, taken] = parents.q[mate][:, taken], parents.tau[mate][:, taken]
+        v[:, taken] = parents.v[mate][:, taken] * parents.durations[mate] / duration
+    else:
+        offset[random.integers(offset.size)] = policy.joint_offset * random.uniform(-1, 1)
+    s = np.linspace(0, 1, len(q))
+    bump = 4 * s * (1 - s)
+    q += (bump**3)[:, None] * offset
+    v += (12 * bump**2 * (1 - 2 * s))[:, None] * offset / duration
+    q[1:-1] = np.clip(q[1:-1], problem.limits.position_lower, problem.limits.position_upper)
+    return Guesses(
+        s[None] * (policy.mutation_duration * duration), q[None], v[None] / policy.mutation_duration, tau[None]
+    )
+
+
 def _path(problem: MinimumTimeProblem, way: list[Array], samples: int) -> Path:
     """Samples of a smooth path from start to goal through poses at equal fractions of its parameter."""
     poses = np.array([problem.q_start, *way, problem.q_goal])

@@ -13,10 +13,7 @@ import numpy as np
 
 from armdyn.arrays import Array, Index
 from armdyn.dynamics.numeric import forward_dynamics, forward_dynamics_derivatives
-from armdyn.optimal.polish.structure import Switches
-from armdyn.optimal.problem.policy.policy import Policy
-from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.problem.status import Stop
+from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import OPTIMALITY_TOLERANCE
 from armdyn.optimal.verify.rollout import gauss_steps
 
@@ -42,8 +39,7 @@ class BangMotion:
     Values are scaled: states by the joints' ways and speeds, times by the duration.
 
     Attributes:
-        problem: the minimum-time problem.
-        policy: numbers of `polish`, and tolerances of derivatives.
+        task: the minimum-time problem, with constant torque limits, and its settings.
         tau: torques of the segments [N m or N], shape (S, nv).
         arc_of: arc of each segment, shape (S,).
         share: each segment's part of its arc, shape (S,).
@@ -58,8 +54,7 @@ class BangMotion:
         rate: rates of the state at the ends, shape (S, 2 nv).
     """
 
-    problem: MinimumTimeProblem
-    policy: Policy
+    task: Task
     tau: Array
     arc_of: Index
     share: Array
@@ -74,27 +69,26 @@ class BangMotion:
     rate: Array
 
     @classmethod
-    def of(
-        cls, problem: MinimumTimeProblem, policy: Policy, switches: Switches, states: tuple[Array, Array], size: Array
-    ) -> Self:
+    def of(cls, task: Task, signs: Array, arcs: Array, near: tuple[Array, Array], size: Array) -> Self:
         """Divide arcs into segments of about the same length, without costates.
 
         Args:
-            problem: problem with constant torque limits.
-            policy: the policy.
-            switches: the arcs.
-            states: of a motion near it: parts of its duration, shape (samples,), and (q, v), shape (samples, 2 nv).
+            task: the problem and its settings.
+            signs: signs of the arcs' torques, shape (K, nv).
+            arcs: lengths of the arcs [s], shape (K,).
+            near: a motion near it: parts of its duration, shape (samples,), and (q, v), shape (samples, 2 nv).
             size: scales of the states, shape (2 nv,).
         """
-        lengths = switches.lengths / switches.duration
-        counts = np.maximum(np.ceil(policy.polish.segments * lengths).astype(int), 1)
+        problem, duration = task.problem, float(np.sum(arcs))
+        lengths = arcs / duration
+        counts = np.maximum(np.ceil(task.policy.polish.segments * lengths).astype(int), 1)
         arc_of = np.repeat(np.arange(counts.size), counts)
         begins = np.append(0.0, np.cumsum(lengths[arc_of] / counts[arc_of])[:-1])
-        x = np.stack([np.interp(begins, states[0], each) for each in states[1].T], axis=1)
-        x[0] = np.concatenate([problem.q_start, problem.v_start])
-        tau, goal = problem.limits.actuators.extreme(switches.signs)[arc_of], problem.x_goal / size
-        own = (tau, arc_of, 1 / counts[arc_of], size, switches.duration, lengths, x / size, goal)
-        return cls(problem, policy, *own, *np.zeros((4, *x.shape))).integrated(lengths, x / size)
+        x = np.stack([np.interp(begins, near[0], each) for each in near[1].T], axis=1)
+        x[0] = problem.x_start
+        tau = problem.limits.actuators.extreme(signs)[arc_of]
+        own = (tau, arc_of, 1 / counts[arc_of], size, duration, lengths, x / size, problem.x_goal / size)
+        return cls(task, *own, *np.zeros((4, *x.shape))).integrated(lengths, x / size)
 
     @property
     def seconds(self) -> Array:
@@ -103,14 +97,14 @@ class BangMotion:
 
     def integrated(self, lengths: Array, x: Array) -> Self:
         """The motion with other lengths and first states, integrated."""
-        count, step, n = self.policy.polish.steps, gauss_steps(self.problem.robot), self.problem.robot.nv
+        count, step, n = self.task.policy.polish.steps, gauss_steps(self.task.problem.robot), self.task.problem.robot.nv
         own, torques = replace(self, lengths=lengths, x=x), np.stack([self.tau, self.tau], axis=1)
         states, flows = [x * self.size], [np.tile(np.eye(2 * n), (len(x), 1, 1))]
         for _ in range(count):
             end, flow, _ = step(own.seconds / count, states[-1], torques)
             states.append(end)
             flows.append((flow * self.size / self.size[:, None]) @ flows[-1])
-        a = forward_dynamics(self.problem.robot)(end[:, :n], end[:, n:], self.tau)
+        a = forward_dynamics(self.task.problem.robot)(end[:, :n], end[:, n:], self.tau)
         rate = np.concatenate([end[:, n:], a], axis=1) * self.unit / self.size
         return replace(own, states=np.array(states) / self.size, flow=np.array(flows), rate=rate)
 
@@ -141,7 +135,7 @@ class BangMotion:
     def settled(self) -> bool:
         """Whether the segments meet, and the conditions of the fastest motion hold."""
         gap, stationary = self.errors
-        return gap <= self.policy.shooting.closed and stationary <= OPTIMALITY_TOLERANCE / 100
+        return gap <= self.task.policy.shooting.closed and stationary <= OPTIMALITY_TOLERANCE / 100
 
     @property
     def objective(self) -> Array:
@@ -179,8 +173,8 @@ class BangMotion:
         By the first states ∫ Φᵀ (∂²H/∂x²) Φ dt, with the costates along the segment and the sensitivities Φ there, by
         Simpson's rule; ∂²H/∂x² by central differences of the Jacobian of the dynamics.
         """
-        count, m, h, flow = self.policy.polish.steps, self.size.size, self.seconds, self.flow
-        x, difference = self.states * self.size, self.policy.polish.difference
+        count, m, h, flow = self.task.policy.polish.steps, self.size.size, self.seconds, self.flow
+        x, difference = self.states * self.size, self.task.policy.polish.difference
         along = carried(flow, np.einsum("sab,sa->sb", flow[-1], self.costate))
         moved = difference * np.diag(self.size)[:, None, None, :]
         both = np.stack([x + moved, x - moved])
@@ -199,7 +193,7 @@ class BangMotion:
         """∂ẋ/∂x per second, scaled, shape (…, S, 2 nv, 2 nv), at states of the segments [SI], shape (…, S, 2 nv)."""
         n, m = self.tau.shape[1], self.size.size
         flat, tau = x.reshape(-1, m), np.tile(self.tau, (x.size // self.x.size, 1))
-        _, by_q, by_v, _ = forward_dynamics_derivatives(self.problem.robot)(flat[:, :n], flat[:, n:], tau)
+        _, by_q, by_v, _ = forward_dynamics_derivatives(self.task.problem.robot)(flat[:, :n], flat[:, n:], tau)
         upper = np.broadcast_to(np.eye(n, m, n), (len(flat), n, m))
         found = np.concatenate([upper, np.concatenate([by_q, by_v], axis=-1)], axis=-2)
         return np.asarray(found.reshape(*x.shape, m) * self.size / self.size[:, None])
@@ -222,21 +216,19 @@ class BangMotion:
         return replace(self, costate=least.reshape(self.x.shape))
 
 
-def fastest(motion: BangMotion, stop: Stop) -> tuple[BangMotion, Array | None]:
+def fastest(motion: BangMotion) -> tuple[BangMotion, Array | None]:
     """The fastest motion of the same arcs near a motion.
-
-    Args:
-        motion: motion near it.
-        stop: whether the time is up.
 
     Returns:
         The motion, and None if it is the fastest. Else the last one, and the lengths of the arcs that Newton's method
         proposed, shape (K,); without arcs of negative length there, it failed.
     """
     before = np.inf
-    for _ in range(motion.policy.polish.rounds):
+    for _ in range(motion.task.policy.polish.rounds):
         gap, _ = motion.errors
-        if stop or (motion.settled and (gap <= motion.policy.shooting.closed / 10 or gap > before / 2)):
+        if motion.task.stop or (
+            motion.settled and (gap <= motion.task.policy.shooting.closed / 10 or gap > before / 2)
+        ):
             break
         before = gap
         if (found := _step(motion)) is None:
@@ -256,7 +248,7 @@ def _step(motion: BangMotion) -> tuple[Array, Array] | None:
         return None
     basis, upper = np.linalg.qr(jacobian.T, mode="complete")
     own, null, upper = basis[:, :size], basis[:, size:], upper[:size]
-    closed = motion.policy.shooting.closed
+    closed = motion.task.policy.shooting.closed
     if np.min(np.abs(np.diag(upper))) <= closed / 10:  # equations that depend on each other, up to rounding
         return None
     change = own @ np.linalg.solve(upper.T, -motion.gaps.ravel())
@@ -279,7 +271,7 @@ def _accepted(motion: BangMotion, change: Array, costate: Array) -> BangMotion |
         return float(np.sum(one.lengths) + price * np.sum(np.abs(one.gaps)))
 
     before = merit(motion)
-    for k in range(motion.policy.polish.halves):
+    for k in range(motion.task.policy.polish.halves):
         part = 0.5**k
         found = motion.moved(part * change, motion.costate + part * (costate - motion.costate))
         if found is not None and (merit(found) < before or max(found.errors) < (1 - part / 10) * max(motion.errors)):

@@ -21,9 +21,8 @@ from armdyn.optimal.verify.certificate import (
     certify,
     repeated,
 )
-from armdyn.optimal.verify.costates import Costates, Phases, adjoint_error
+from armdyn.optimal.verify.costates import Costates, Phases, Share, adjoint_error
 from armdyn.optimal.verify.rollout import dense, replay_of
-from armdyn.optimal.verify.sensitivity import Share
 from armdyn.optimal.verify.within_limits import can_be_slowed, excesses, follow, least_factor, paced, paced_torques
 from armdyn.reprs import percent
 from armdyn.trajectory import Trajectory

@@ -18,10 +18,10 @@ from armdyn.arguments import expect
 from armdyn.errors import ProblemError
 from armdyn.locks import cached_property
 from armdyn.optimal.answer.solution import Solution
-from armdyn.optimal.mesh.candidates import find
 from armdyn.optimal.mesh.direct import Attempt
 from armdyn.optimal.mesh.mesh_costates import mesh_costates
 from armdyn.optimal.mesh.motion_mesh import MeshWork, mesh_optimum
+from armdyn.optimal.mesh.search import find
 from armdyn.optimal.mesh.shooting import landed
 from armdyn.optimal.mesh.starts import spline
 from armdyn.optimal.problem.options import MinimumTimeOptions

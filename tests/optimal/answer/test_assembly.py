@@ -9,14 +9,14 @@ import armdyn as ad
 from armdyn.optimal.answer.assembly import assembled, failed
 from armdyn.optimal.answer.solution import minimum_time_summary
 from armdyn.optimal.constraints.constraint import ConstraintReport, ConstraintReports
-from armdyn.optimal.mesh.candidates import SearchResult
 from armdyn.optimal.mesh.direct import Attempt
+from armdyn.optimal.mesh.search import SearchResult
 from armdyn.optimal.mesh.starts import spline
 from armdyn.optimal.problem.status import Stop, Violation
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import Certificate
+from armdyn.optimal.verify.costates import Share
 from armdyn.optimal.verify.optimum import Optimum
-from armdyn.optimal.verify.sensitivity import Share
 from problems import paper_problem, solved
 
 FAST = Violation("velocity limit", "joint2", 0.05, 5.6e-4)

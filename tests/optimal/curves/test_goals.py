@@ -11,7 +11,7 @@ from armdyn.models.scene.reaching import free_directions, slid
 from armdyn.optimal.answer.assembly import _slid_end
 from armdyn.optimal.curves.goals import screened
 from armdyn.optimal.problem.task import Task
-from armdyn.optimal.verify.sensitivity import end_gradient, transversality
+from armdyn.optimal.verify.costates import end_gradient, transversality
 from oracles import robot_named
 from problems import mesh_alone, paper_arm
 

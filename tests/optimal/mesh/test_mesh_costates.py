@@ -11,16 +11,16 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
 import armdyn as ad
-from armdyn.optimal.mesh.candidates import find
 from armdyn.optimal.mesh.direct import solve_on_mesh
 from armdyn.optimal.mesh.mesh_costates import mesh_costates
 from armdyn.optimal.mesh.motion_mesh import MeshWork, _Meshes, mesh_optimum
+from armdyn.optimal.mesh.search import find
 from armdyn.optimal.mesh.shooting import Shooting, landed
 from armdyn.optimal.problem.options import SolverSettings
 from armdyn.optimal.problem.task import Task
+from armdyn.optimal.verify.costates import sensitivities
 from armdyn.optimal.verify.optimum import trajectory_cost
 from armdyn.optimal.verify.rollout import replay_of
-from armdyn.optimal.verify.sensitivity import sensitivities
 from armdyn.paper import solve_indirect
 from problems import cart, gantry_problem, miss, paper_arm, paper_problem, solve
 

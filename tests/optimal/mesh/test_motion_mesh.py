@@ -7,9 +7,9 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.mesh import motion_mesh
-from armdyn.optimal.mesh.candidates import find
 from armdyn.optimal.mesh.direct import Attempt
 from armdyn.optimal.mesh.motion_mesh import MeshWork, _Meshes, finer_knots, mesh_optimum
+from armdyn.optimal.mesh.search import find
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import repeated

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.mesh.candidates import find
 from armdyn.optimal.mesh.direct import Attempt, solve_on_mesh
+from armdyn.optimal.mesh.search import find
 from armdyn.optimal.mesh.shooting import Shooting, gaps, landed, replay_on_goal
 from armdyn.optimal.mesh.starts import spline
 from armdyn.optimal.problem.task import Task

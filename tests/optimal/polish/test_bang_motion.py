@@ -8,8 +8,8 @@ from scipy.integrate import solve_ivp
 
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.optimal.polish.bang_motion import BangMotion
-from armdyn.optimal.polish.structure import Switches
-from armdyn.optimal.problem.policy.policy import Policy
+from armdyn.optimal.polish.polish import Switches
+from armdyn.optimal.problem.task import Task
 from problems import paper_problem
 
 
@@ -19,13 +19,14 @@ def segments():
     problem, random = paper_problem("rr"), np.random.default_rng(3)
     switches = Switches.ordered(np.array([1.0, -1.0]), [np.array([0.08]), np.empty(0)], 0.2)
     rest = np.array([0.0, 1.0]), np.zeros((2, 4))
-    motion = BangMotion.of(problem, Policy.of(problem), switches, rest, np.array([1.7, 0.9, 14.0, 9.0]))
+    size = np.array([1.7, 0.9, 14.0, 9.0])
+    motion = BangMotion.of(Task.of(problem), switches.signs, switches.lengths, rest, size)
     x = random.uniform(-1, 1, (motion.arc_of.size, 4))
     return replace(motion.integrated(motion.lengths, x), costate=random.uniform(-1, 1, x.shape))
 
 
 def test_ends_agree_with_another_integrator(segments):
-    h, a = segments.seconds, forward_dynamics(segments.problem.robot)
+    h, a = segments.seconds, forward_dynamics(segments.task.problem.robot)
     for k in (0, h.size - 1):
 
         def rate(t, y, tau=segments.tau[k]):

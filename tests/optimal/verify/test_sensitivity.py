@@ -5,7 +5,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError
-from armdyn.optimal.verify.sensitivity import Share, deciding
+from armdyn.optimal.verify.costates import Share, deciding
 from problems import cart, gantry_problem, luus_problem, paper_problem, solve, solved
 
 STEP = 1e-4

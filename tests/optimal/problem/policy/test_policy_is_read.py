@@ -21,7 +21,7 @@ from armdyn.optimal.constraints.regions import FrameRegion
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.curves import _guesses, curves
 from armdyn.optimal.curves.goals import screened
-from armdyn.optimal.mesh.multistart import in_batches
+from armdyn.optimal.mesh.search import in_batches
 from armdyn.optimal.mesh.starts import spline, via_guesses
 from armdyn.optimal.minimum_time import solve_task
 from armdyn.optimal.problem.policy.policy import Policy

@@ -1,21 +1,32 @@
-"""Choice of the optima to refine: found on coarse meshes, distinguished on a finer one."""
+"""The search: optima from many guesses on coarse meshes, and the best of them told apart on a finer one.
 
-from collections.abc import Sequence
+Good optima lie near each other: those that random poses reach once in hundreds of guesses are reached by one crossover
+of the best optima in ten (`starts.crossover`).
+"""
+
+from bisect import insort
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 
-from armdyn.optimal.mesh.condensed import has_stagewise, prepare_quickly, solve_quickly
+from armdyn.optimal.mesh.condensed import guess_jobs, has_stagewise, prepare_quickly, solve_quickly
 from armdyn.optimal.mesh.direct import Attempt, solve_on_mesh
-from armdyn.optimal.mesh.multistart import Job, crossover_guesses, distinct, ranked, search
-from armdyn.optimal.mesh.starts import spline
+from armdyn.optimal.mesh.starts import SAMPLES, Guesses, crossover, spline, splines, via_guesses
 from armdyn.optimal.mesh.unknowns import doubled
 from armdyn.optimal.problem.options import SolverSettings
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.rollout import replay_of
 from armdyn.trajectory import Trajectory
+
+Item = TypeVar("Item")
+Job = Callable[[Task], Attempt]
+"""A solve as a function of the task; it is pickled."""
+Settings = Sequence[tuple[int, SolverSettings]]
+"""Number of intervals and solver settings of guesses, used in turn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,8 +127,6 @@ def _told_apart(task: Task, found: Sequence[Attempt]) -> SearchResult:
         found: optima, best first.
     """
     settings, most = task.fine(), task.policy.search.refinements(task.options)
-    prepare_quickly(task, task.intervals, settings)
-
     task.progress(f"the best optima, about {found[0].trajectory.duration:.4f} s, on {task.intervals} intervals")
     candidates: list[Attempt] = []
     iterations, solves = 0, most * task.policy.search.fine_solves
@@ -190,3 +199,154 @@ def _without_search(task: Task, failed: list[Attempt]) -> list[Attempt]:
         return attempt.worst_violation.value
 
     return sorted(attempts, key=lambda attempt: (not attempt.usable, rest(attempt)))
+
+
+def grouped(items: Iterable[Item], alike: Callable[[Item, Item], bool]) -> list[list[Item]]:
+    """Group items: each joins the first group whose first member is alike, or starts a group.
+
+    Args:
+        items: best first.
+        alike: whether a later item equals a group's first.
+    """
+    groups: list[list[Item]] = []
+    for item in items:
+        group = next((group for group in groups if alike(group[0], item)), None)
+        if group is None:
+            groups.append([item])
+        else:
+            group.append(item)
+    return groups
+
+
+def within(same: float) -> Callable[[float, float], bool]:
+    """Predicate: a number exceeds a smaller one by at most a part of the smaller one."""
+    return lambda first, item: item <= first * (1 + same)
+
+
+def ranked(attempts: Sequence[Attempt]) -> list[Attempt]:
+    """Usable attempts by cost, then the rest."""
+    return sorted(attempts, key=lambda a: (not a.usable, a.cost))
+
+
+def distinct(attempts: Sequence[Attempt], same: float, apart: float = np.inf) -> list[Attempt]:
+    """Usable attempts, best first, one per optimum: the one on the finest mesh.
+
+    Args:
+        attempts: in any order.
+        same: largest relative difference of costs within one optimum.
+        apart: largest distance of motions within one optimum, at the same part of their durations [rad or m].
+    """
+    groups, first = list[list[Attempt]](), 0
+    for attempt in ranked(attempts):
+        if not attempt.usable:
+            break
+        while first < len(groups) and attempt.cost > groups[first][0].cost * (1 + same):
+            first += 1  # later attempts cost more still
+        own = next((group for group in groups[first:] if _near(group[0], attempt, apart)), None)
+        if own is None:
+            groups.append([attempt])
+        else:
+            own.append(attempt)
+    return [max(group, key=lambda attempt: attempt.intervals) for group in groups]
+
+
+def _near(one: Attempt, other: Attempt, apart: float) -> bool:
+    return apart == np.inf or float(np.abs(one.quarters - other.quarters).max()) <= apart
+
+
+def search(task: Task, count: int, settings: Settings, extra_jobs: Sequence[Job] = ()) -> list[Attempt]:
+    """Attempts from guesses, in the order of the guesses; the first guess is the straight path.
+
+    The same seed gives the same attempts on any number of cores.
+
+    Args:
+        task: the problem and its settings.
+        count: number of guesses; fewer are solved if few optima recur.
+        settings: meshes and solver settings, used in turn.
+        extra_jobs: other solves, which come first.
+    """
+    numbers = task.policy.search
+    vias = via_guesses(task.problem, task.options.seed, count, (numbers.spread, numbers.uniform_spread), numbers)
+    for each in settings:  # before the fork, so that every worker has them
+        prepare_quickly(task, *each)
+
+    attempts, solved = list[Attempt](), list[float]()
+    guesses = splines(task.problem, vias, numbers.guess_duration)
+    jobs = [*extra_jobs, *guess_jobs(task, guesses, [settings[k % len(settings)] for k in range(count)])]
+    for attempt in in_batches(jobs[:1] if task.stop else jobs, task):
+        attempts.append(attempt)
+        own = len(attempts) - len(extra_jobs)
+        if own <= 0:
+            continue
+        if attempt.usable:
+            insort(solved, attempt.cost)
+        best = f", best {solved[0]:.4f} s" if solved else ""
+        task.progress(f"search: guess {own} of {count}{best}")
+        # An optimum's cost depends on the mesh: it counts once per mesh, which is conservative.
+        due = numbers.ends_early and task.options.search != "thorough" and own % numbers.batch == 0
+        optima = len(grouped(solved, within(task.policy.same.coarse))) if due else 0
+        if task.stop or (due and enough(len(solved), optima)):
+            break
+    return attempts
+
+
+def in_batches(jobs: Sequence[Job], task: Task) -> Iterator[Attempt]:
+    """The jobs' attempts in their order: several at once per worker, as one costs hardly more than its transfer."""
+    size = 1 if task.workers == 1 else task.policy.search.batch
+    batches = [jobs[k : k + size] for k in range(0, len(jobs), size)]
+    for attempts in task.results([partial(_done, batch) for batch in batches]):
+        yield from attempts
+
+
+def _done(jobs: Sequence[Job], task: Task) -> list[Attempt]:
+    attempts = [job(task) for job in jobs]
+    for attempt in attempts:
+        _ = attempt.quarters  # computed by the worker, for `distinct`
+    return attempts
+
+
+def enough(solved: int, optima: int) -> bool:
+    """Whether the guesses so far have probably found all optima.
+
+    The expected number of optima is optima (solved - 1) / (solved - optima - 2), whatever their basins'
+    sizes (Boender and Rinnooy Kan, Bayesian stopping rules for multistart, 1987): stop where this number is
+    nearer to the number seen than to one more.
+
+    All sizes of basins are assumed equally likely. A basin of a share p is missed by n guesses with probability (1 -
+    p)ⁿ, however often they have found the others.
+
+    Args:
+        solved: number of guesses that converged.
+        optima: number of distinct optima.
+    """
+    return solved > optima + 2 and optima * (solved - 1) <= (optima + 0.5) * (solved - optima - 2)
+
+
+def crossover_guesses(
+    task: Task, attempts: Sequence[Attempt], count: int, settings: Settings, first: int = 0
+) -> list[Attempt]:
+    """Attempts from children of the best optima, round by round, from the best so far.
+
+    The same attempts and seed give the same result on any number of cores.
+
+    Args:
+        task: the problem and its settings.
+        attempts: attempts of the search so far.
+        count: number of children.
+        settings: meshes and solver settings, used in turn.
+        first: index of the first child, which varies the random numbers.
+    """
+    numbers, same, children = task.policy.search, task.policy.same, list[Attempt]()
+    while len(children) < count and not task.stop:
+        best = distinct([*attempts, *children], same.coarse, same.distance)[: round(2 * numbers.selection_scale)]
+        if not best:
+            break
+        parents = Guesses.sampled([attempt.trajectory for attempt in best], SAMPLES)
+        about = best[0].trajectory.duration
+        task.progress(f"search: child {len(children)} of {count} of the best optima, about {about:.4f} s")
+
+        several = range(first + len(children), first + min(count, len(children) + 8 * numbers.batch))
+        seeded = [(np.random.default_rng([task.options.seed, k]), k) for k in several]
+        guesses = Guesses.joined([crossover(task.problem, parents, random, k, numbers) for random, k in seeded])
+        children += in_batches(guess_jobs(task, guesses, [settings[k % len(settings)] for k in several]), task)
+    return children

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import armdyn as ad
-from armdyn.optimal.polish.structure import Switches, switches_of
+from armdyn.optimal.polish.polish import Switches, switches_of
 from problems import cart, gantry_problem
 
 

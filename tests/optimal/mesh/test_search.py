@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 import armdyn as ad
 from armdyn.optimal.mesh.direct import Attempt
-from armdyn.optimal.mesh.multistart import (
-    crossover,
+from armdyn.optimal.mesh.search import (
     crossover_guesses,
     distinct,
     enough,
@@ -20,7 +19,7 @@ from armdyn.optimal.mesh.multistart import (
     search,
     within,
 )
-from armdyn.optimal.mesh.starts import SAMPLES, Guesses, spline
+from armdyn.optimal.mesh.starts import SAMPLES, Guesses, crossover, spline
 from armdyn.optimal.problem.options import MinimumTimeOptions
 from armdyn.optimal.problem.policy.policy import Policy
 from armdyn.optimal.problem.task import Task
