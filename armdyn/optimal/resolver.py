@@ -19,7 +19,7 @@ from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.answer.solution import Solution, without_motion
 from armdyn.optimal.curves.curve import CurveLeg
 from armdyn.optimal.curves.layout import TorqueMargin
-from armdyn.optimal.curves.live import Guess, LiveProblem, acceleration_limits, improve
+from armdyn.optimal.curves.live import Guess, LiveProblem, improve
 from armdyn.optimal.curves.live_stopping import LastMotion, at_rest, fallback, rest_of_last
 from armdyn.optimal.problem.checks import ROUNDING, check_every_joint_has_motor
 from armdyn.optimal.problem.policy.policy import Policy
@@ -234,8 +234,7 @@ class Resolver:
 def _alike(problem: MinimumTimeProblem, other: MinimumTimeProblem) -> bool:
     """Whether two problems have the same limits."""
     own, given = (
-        (*each.limits.rows.values(), *each.limits.actuators.lines, acceleration_limits(each))
-        for each in (problem, other)
+        (*each.limits.rows.values(), *each.limits.actuators.lines, each.rates[0]) for each in (problem, other)
     )
     alike = type(problem.limits.actuators) is type(other.limits.actuators)
     return alike and all(np.array_equal(a, b) for a, b in zip(own, given, strict=True))

@@ -31,7 +31,7 @@ from armdyn.optimal.bound.enclosure import (
     up,
 )
 from armdyn.optimal.bound.linear_program import marginals_in_boxes
-from armdyn.optimal.constraints.registry import path_constraints_of
+from armdyn.optimal.constraints.registry import TightenedConstraints, path_constraints_of
 from armdyn.optimal.problem.planning_limits import Profiles
 from armdyn.optimal.problem.policy.bound import BoundPolicy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -329,16 +329,10 @@ def bound_legs(problem: MinimumTimeProblem, policy: BoundPolicy) -> tuple[BoundL
 
 
 def _rates(problem: MinimumTimeProblem) -> dict[str, Array]:
-    """Limits of accelerations, jerks and torque rates by the path constraints, as of `BoundLeg`."""
-    names = {2: "acceleration", 3: "jerk"}
-    found = dict.fromkeys((*names.values(), "torque_rate"), np.full(problem.robot.nv, np.inf))
-    for each in path_constraints_of(problem):
-        limit, torque_rate = each.derivative_limit(problem), each.torque_rate_limit(problem)
-        if limit is not None:
-            found[names[limit[0]]] = np.minimum(found[names[limit[0]]], limit[1])
-        if torque_rate is not None:
-            found["torque_rate"] = np.minimum(found["torque_rate"], torque_rate)
-    return found
+    """Limits of accelerations, jerks and torque rates, as of `BoundLeg`."""
+    (acceleration, jerk), none = problem.rates, np.full(problem.robot.nv, np.inf)
+    rated = TightenedConstraints(path_constraints_of(problem)).torque_rates(problem)
+    return {"acceleration": acceleration, "jerk": jerk, "torque_rate": none if rated is None else rated}
 
 
 def least_time(starts: Interval, goals: Interval, velocity: Array, turning: Flags | None = None) -> Array:

@@ -92,21 +92,6 @@ class ConstraintReports:
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
-    """Path of a guess through joint positions, over s from 0 to 1.
-
-    Attributes:
-        q: joint positions [rad or m], shape (samples, nv).
-        dq: dq/ds, shape (samples, nv).
-        ddq: d²q/ds², shape (samples, nv).
-    """
-
-    q: Array
-    dq: Array
-    ddq: Array
-
-
-@dataclass(frozen=True, eq=False)
 class RequiredDistances:
     """Distances that pairs of bodies must keep.
 
@@ -253,8 +238,15 @@ class PathConstraint(PathConstraintSpec, ABC):
         """The constraint, tightened where a motion violated it between the points; itself where it is tight enough."""
         return self
 
-    def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
-        """Shortest duration [s] of an initial guess along a path; 0: no constraint."""
+    def least_duration(self, problem: MinimumTimeProblem, q: Array, dq: Array, ddq: Array) -> float:
+        """Shortest duration [s] of an initial guess along a path over s from 0 to 1; 0: no constraint.
+
+        Args:
+            problem: the problem.
+            q: joint positions [rad or m], shape (samples, nv).
+            dq: dq/ds, shape (samples, nv).
+            ddq: d²q/ds², shape (samples, nv).
+        """
         return 0.0
 
 

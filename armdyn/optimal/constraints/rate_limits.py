@@ -13,10 +13,10 @@ import pinocchio as pin
 from armdyn.arguments import number, text
 from armdyn.arrays import Array
 from armdyn.dynamics.numeric import forward_dynamics
-from armdyn.errors import ProblemError, SpecError
+from armdyn.errors import ProblemError, SpecError, reraised
 from armdyn.models.presets.interface import REST_VELOCITY, VelocityTaper
 from armdyn.models.robots.robot import Robot
-from armdyn.optimal.constraints.constraint import ConstraintReport, PartialLimit, Path
+from armdyn.optimal.constraints.constraint import ConstraintReport, PartialLimit
 from armdyn.optimal.constraints.rows import StageRows, Stages
 from armdyn.optimal.problem.checks import SLOWEST
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -115,8 +115,8 @@ class AccelerationLimit(DerivativeLimit):
         """Rows of accelerations at the stages of every interval, over the limits."""
         return (self._within(problem, _accelerations),)
 
-    def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
-        return float(np.sqrt(np.max(np.abs(path.ddq) / np.asarray(problem.acceleration_limit))))
+    def least_duration(self, problem: MinimumTimeProblem, q: Array, dq: Array, ddq: Array) -> float:
+        return float(np.sqrt(np.max(np.abs(ddq) / np.asarray(problem.acceleration_limit))))
 
 
 def _accelerations(stages: Stages, over_limit: ca.SX) -> ca.SX:
@@ -245,10 +245,8 @@ class FrameSpeedLimit(PartialLimit):
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
         """Resolve the frame's name, and check the limit at start and goal."""
         frame = robot.tip if self.frame is None else self.frame
-        try:
+        with reraised(ProblemError, "FrameSpeedLimit", SpecError):
             fixed = robot.frame(frame)
-        except SpecError as error:
-            raise ProblemError(f"FrameSpeedLimit: {error}") from None
         if fixed.parentJoint == 0:
             raise ProblemError(f"FrameSpeedLimit: frame {frame!r} of {robot.name} does not move; give another")
         for x, end in ((start, "start"), (goal, "goal")):
@@ -274,8 +272,8 @@ class FrameSpeedLimit(PartialLimit):
         worst = "frame speed limit", str(self.frame), when
         return self.report(share, f"{words}, of {self.limit:g} m/s", reason, worst, f"speed of {self.frame!r}")
 
-    def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
-        return float(np.max(_speeds(problem.robot, str(self.frame), path.q, path.dq))) / self.limit
+    def least_duration(self, problem: MinimumTimeProblem, q: Array, dq: Array, ddq: Array) -> float:
+        return float(np.max(_speeds(problem.robot, str(self.frame), q, dq))) / self.limit
 
 
 def _squares(stages: Stages, over_square: ca.SX, frame: str) -> ca.SX:

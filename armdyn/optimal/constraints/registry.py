@@ -3,15 +3,14 @@
 To add a path constraint: write its class, and its line in `PATH_CONSTRAINTS`.
 """
 
-from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
 from armdyn.arguments import expect
 from armdyn.arrays import Array
-from armdyn.errors import ProblemError
+from armdyn.errors import ProblemError, did_you_mean
 from armdyn.optimal.constraints.clearance import ClearanceConstraint
 from armdyn.optimal.constraints.constraint import ConstraintReport, ConstraintReports, PathConstraint, RequiredDistances
 from armdyn.optimal.constraints.rate_limits import AccelerationLimit, FrameSpeedLimit, JerkLimit, VelocityTaperLimit
@@ -57,28 +56,19 @@ def options() -> dict[str, type[PathConstraint]]:
     return {kind.option: kind for kind in PATH_CONSTRAINTS if kind.option}
 
 
-def path_constraint_named(name: str) -> type[PathConstraint]:
-    """Path constraint class of `--limit NAME=…`.
-
-    Raises:
-        ProblemError: no such constraint; the message has the nearest name.
-    """
-    known = options()
-    if name not in known:
-        near = get_close_matches(name, known, 1)
-        hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
-        raise ProblemError(f"--limit: no limit is called {name!r}; {hint}")
-    return known[name]
-
-
 def path_constraint_from(text: str) -> PathConstraint:
     """Parse a path constraint from a text such as "tip-speed=0.25@tool0".
 
     Raises:
-        ProblemError: the text is invalid; the message refers to --limit.
+        ProblemError: no limit has this name, and the message has the nearest one; or the text is invalid. The message
+            refers to --limit.
     """
     name, equals, rest = text.partition("=")
-    kind = path_constraint_named(name.strip())
+    known, called = options(), name.strip()
+    if called not in known:
+        hint = did_you_mean(called, known) or f"; known: {', '.join(known)}"
+        raise ProblemError(f"--limit: no limit is called {called!r}{hint}")
+    kind = known[called]
     values, at, frame = rest.partition("@")
     if not equals or (at and not frame.strip()):
         raise ProblemError(f"--limit {text!r}: write {name}={kind.metavar}, with numbers")
@@ -86,44 +76,18 @@ def path_constraint_from(text: str) -> PathConstraint:
 
 
 @dataclass(frozen=True, eq=False)
-class Aim:
-    """Offsets of a solve's via points and goal that cancel the misses of its replay.
-
-    Attributes:
-        offsets: offsets of q [rad or m], shape (legs, nv), or (nv,) for all legs.
-        end_velocity: offset of the velocity at the goal [rad/s or m/s], shape (nv,).
-    """
-
-    offsets: Array | float = 0.0
-    end_velocity: Array | float = 0.0
-
-    def corrected(self, problem: MinimumTimeProblem, replay: Trajectory, passing: Array | None = None) -> Self:
-        """Correct the offsets by a replay's misses at via points and goal.
-
-        Args:
-            problem: the original problem, with the true poses.
-            replay: motion of the last solve, integrated.
-            passing: times of the via points [s], shape (vias,); None: no via points.
-        """
-        vias = np.empty((0, problem.robot.nv)) if passing is None else replay(passing).q.reshape(-1, problem.robot.nv)
-        missed = np.vstack([vias, replay.q[-1]]) - problem.poses[1:]
-        return type(self)(
-            np.broadcast_to(self.offsets, missed.shape) - missed,
-            self.end_velocity - (replay.v[-1] - np.asarray(problem.v_goal)),
-        )
-
-
-@dataclass(frozen=True, eq=False)
 class TightenedConstraints:
-    """Tightened path constraints, and the correction of via points and goal.
+    """Tightened path constraints, and offsets of via points and goal that cancel the misses of a replay.
 
     Attributes:
         path_constraints: the tightened path constraints.
-        aim: terminal correction of via points and goal.
+        offsets: offsets of q at via points and goal [rad or m], shape (legs, nv), or a number for all.
+        end_velocity: offset of the velocity at the goal [rad/s or m/s], shape (nv,).
     """
 
     path_constraints: tuple[PathConstraint, ...] = ()
-    aim: Aim = field(default_factory=Aim)
+    offsets: Array | float = 0.0
+    end_velocity: Array | float = 0.0
 
     @classmethod
     def of(cls, task: Task) -> Self:
@@ -139,6 +103,12 @@ class TightenedConstraints:
     def derivative_limits(self, problem: MinimumTimeProblem) -> dict[int, Array]:
         """Tightened limits of the positions' derivatives by order, each of shape (nv,)."""
         return dict(limit for each in self.path_constraints if (limit := each.derivative_limit(problem)))
+
+    def torque_rates(self, problem: MinimumTimeProblem) -> Array | None:
+        """Limits of torque rates [N m/s or N/s], shape (nv,); None: no limits."""
+        rates = (each.torque_rate_limit(problem) for each in self.path_constraints)
+        given = [limit for limit in rates if limit is not None]
+        return np.min(given, axis=0) if given else None
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Rows of the program besides the equations of motion."""
@@ -157,5 +127,13 @@ class TightenedConstraints:
         return replace(self, path_constraints=tuple(each.tightened(problem, report) for each, report in pairs))
 
     def aimed(self, problem: MinimumTimeProblem, replay: Trajectory, passing: Array) -> Self:
-        """Correct via points and goal by the replay's misses."""
-        return replace(self, aim=self.aim.corrected(problem, replay, passing))
+        """Correct the offsets by a replay's misses at via points and goal.
+
+        Args:
+            problem: the original problem, with the true poses.
+            replay: motion of the last solve, integrated.
+            passing: times of the via points [s], shape (vias,).
+        """
+        missed = np.vstack([replay(passing).q.reshape(-1, problem.robot.nv), replay.q[-1]]) - problem.poses[1:]
+        slower = replay.v[-1] - np.asarray(problem.v_goal)
+        return replace(self, offsets=self.offsets - missed, end_velocity=self.end_velocity - slower)

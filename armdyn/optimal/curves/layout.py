@@ -207,7 +207,7 @@ def curve_layout(problem: MinimumTimeProblem, guess: Curve, constraints: Tighten
     orders = set(constraints.derivative_limits(problem))
     if problem.jerk_limit is not None and not problem.from_rest_to_rest:
         orders.add(2)  # zero accelerations at an end in flight
-    rated = any(each.torque_rate_limit(problem) is not None for each in constraints.path_constraints)
+    rated = constraints.torque_rates(problem) is not None
     smooth, lines = 2 if problem.continuous_torque else 1, len(problem.limits.actuators.lines[0])
     joined = tuple(i + 1 for i in problem.via_regions)
     return CurveLayout(problem.robot.nv, intervals, (1, *sorted(orders)), smooth, rated, lines, joined)
@@ -215,11 +215,9 @@ def curve_layout(problem: MinimumTimeProblem, guess: Curve, constraints: Tighten
 
 def torque_rates(task: Task, constraints: TightenedConstraints) -> Array | None:
     """Limits of the torque rates [N m/s or N/s], shape (nv,); None: no limits."""
-    problem = task.problem
-    found = [each.torque_rate_limit(problem) for each in constraints.path_constraints]
-    given = [limit for limit in found if limit is not None]
-    kept = 0.0 if problem.from_rest_to_rest else 100 * task.policy.curves.velocity_error
-    return (1 - kept) * np.min(given, axis=0) if given else None
+    given = constraints.torque_rates(task.problem)
+    kept = 0.0 if task.problem.from_rest_to_rest else 100 * task.policy.curves.velocity_error
+    return None if given is None else (1 - kept) * given
 
 
 def rate_limits(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> dict[int, Array]:

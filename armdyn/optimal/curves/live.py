@@ -178,7 +178,7 @@ class LiveProblem:
         other = max(
             float(np.max(np.abs(v) / limits.velocity)) - 1,
             float(np.max(np.maximum(q - limits.position_upper, limits.position_lower - q) / bounded)),
-            acceleration_excess(duration * s, q, v, acceleration_limits(self.problem)),
+            acceleration_excess(duration * s, q, v, self.problem.rates[0]),
         )
         return SampledCurve(duration * s, q, v, a, tau, over, other)
 
@@ -214,12 +214,6 @@ class LiveProblem:
         return self.distances is None or self.distances.kept(self.problem, motion)
 
 
-def acceleration_limits(problem: MinimumTimeProblem) -> Array:
-    """Acceleration limits [rad/s² or m/s²], shape (nv,); inf: none."""
-    given = problem.acceleration_limit
-    return np.full(problem.robot.nv, np.inf) if given is None else np.asarray(given)
-
-
 def acceleration_excess(t: Array, q: Array, v: Array, limits: Array) -> float:
     """Largest excess over limits of acceleration, as a part of them, of the cubics between samples.
 
@@ -249,7 +243,7 @@ def _curve_program(problem: MinimumTimeProblem, numbers: Policy, basis: Basis) -
             most[:n] = most[-n:] = np.inf
         return DerivativeRows.of([basis], shape, order, finite(limit), (-most, most))
 
-    rows, acceleration = [rates(1, limits.velocity * (1 - numbers.curves.velocity_error))], acceleration_limits(problem)
+    rows, acceleration = [rates(1, limits.velocity * (1 - numbers.curves.velocity_error))], problem.rates[0]
     if np.any(np.isfinite(acceleration)):
         rows.append(rates(2, acceleration * (1 - policy.least_reserve)))
     squares = numbers.sequential.smooth * basis.squared(2, POINTS)

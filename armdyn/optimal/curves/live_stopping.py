@@ -6,7 +6,7 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.optimal.curves.curve import CurveLeg
-from armdyn.optimal.curves.live import LiveProblem, acceleration_excess, acceleration_limits
+from armdyn.optimal.curves.live import LiveProblem, acceleration_excess
 from armdyn.optimal.problem.checks import held
 from armdyn.optimal.problem.policy.curves import LivePolicy
 from armdyn.optimal.problem.status import Status
@@ -117,6 +117,6 @@ def _brake(live: LiveProblem) -> Trajectory | None:
 
 def _within_limits(live: LiveProblem, motion: Trajectory) -> bool:
     """Whether a motion satisfies limits of torque, velocity, position and acceleration, and distances."""
-    faster = acceleration_excess(motion.t, motion.q, motion.v, acceleration_limits(live.problem))
+    faster = acceleration_excess(motion.t, motion.q, motion.v, live.problem.rates[0])
     kept = max(limit_violation(live.problem.limits, motion), faster) <= LIMIT_TOLERANCE
     return kept and live.clear(motion)

@@ -205,8 +205,7 @@ def straight_curve(task: Task, intervals: int) -> Curve:
 def _ramped_times(problem: MinimumTimeProblem) -> Array:
     """Times of the legs from rest to rest at the velocity limits, with ramps of limited jerk [s], shape (legs,)."""
     v = np.where(np.isfinite(problem.limits.velocity), problem.limits.velocity, 1.0)
-    ramps = 2 * np.sqrt(v / np.asarray(problem.jerk_limit))
-    if problem.acceleration_limit is not None:
-        ramps = ramps + v / np.asarray(problem.acceleration_limit)
+    acceleration, jerk = problem.rates
+    ramps = 2 * np.sqrt(v / jerk) + v / acceleration
     travel = np.abs(np.diff(problem.poses, axis=0))
     return np.asarray(np.max(np.where(travel > 0, travel / v + ramps, 0.0), axis=1))

@@ -7,7 +7,7 @@ import numpy as np
 
 from armdyn.arrays import Array, Index
 from armdyn.locks import cached_property
-from armdyn.optimal.constraints.registry import Aim, TightenedConstraints
+from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.constraints.rows import StageRows, numbers_of, row_bounds
 from armdyn.optimal.mesh.assembly import CollocationInterval, Program, build_nlp
 from armdyn.optimal.mesh.ipopt import Ipopt, NlpData, ipopt_for
@@ -189,7 +189,7 @@ def assemble_mesh(
     shares = fractions * (legs.durations / legs.durations.sum())[legs.of_interval]
     parameters = scales.parameters(fractions, weights, task.dynamics.last_body)
     x = to_unknowns(guess, layout, shares, scales)
-    _fix_legs(problem, layout, legs, constraints.aim, scales, x, (lower, upper))
+    _fix_legs(problem, layout, legs, constraints, scales, x, (lower, upper))
     sides = row_bounds(rows, CollocationInterval(task.dynamics, task.scheme), intervals)
     lbg, ubg = (np.concatenate(both) for both in zip(_equations(layout, legs), sides, strict=True))
     return MeshNlpData(
@@ -264,7 +264,7 @@ def _fix_legs(
     problem: MinimumTimeProblem,
     layout: Layout,
     legs: Legs,
-    aim: Aim,
+    constraints: TightenedConstraints,
     scales: Scales,
     x: Array,
     sides: tuple[Array, Array],
@@ -275,12 +275,12 @@ def _fix_legs(
     of_knot = np.append(legs.of_interval, legs.of_interval[-1])
     x[times] = legs.durations[of_knot] / scales.time
     lower[times] = np.maximum(problem.leg_bounds() / scales.time, 1e-3)[of_knot]
-    offsets = np.broadcast_to(aim.offsets, (len(legs.intervals), layout.nv))
+    offsets = np.broadcast_to(constraints.offsets, (len(legs.intervals), layout.nv))
     for knot, q, offset in zip(legs.knots, problem.poses[1:], offsets, strict=True):
         place = knots[knot, layout.knot.q]
         lower[place] = upper[place] = (q + offset) / scales.length
     for bound in sides:
-        bound[knots[N, layout.knot.v]] += np.asarray(aim.end_velocity) / scales.speed
+        bound[knots[N, layout.knot.v]] += np.asarray(constraints.end_velocity) / scales.speed
 
 
 def prepare(task: Task, intervals: int, settings: SolverSettings) -> None:

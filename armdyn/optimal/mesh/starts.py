@@ -12,7 +12,6 @@ from scipy.interpolate import BPoly
 from armdyn.arrays import Array, Index
 from armdyn.dynamics.numeric import joint_inertia
 from armdyn.models.reading.urdf_arm import configurations
-from armdyn.optimal.constraints.constraint import Path
 from armdyn.optimal.constraints.registry import path_constraints_of
 from armdyn.optimal.problem.policy.policy import Policy
 from armdyn.optimal.problem.policy.search import SearchPolicy
@@ -165,10 +164,10 @@ def crossover(
     )
 
 
-def _path(problem: MinimumTimeProblem, way: list[Array], samples: int) -> Path:
-    """Samples of a smooth path from start to goal through poses at equal fractions of its parameter."""
+def _path(problem: MinimumTimeProblem, way: list[Array], samples: int) -> tuple[Array, ...]:
+    """Samples of a smooth path from start to goal through poses at equal fractions of s: q, dq/ds, d²q/ds²."""
     poses = np.array([problem.q_start, *way, problem.q_goal])
-    return Path(*(blend @ poses for blend in _blends(len(poses), samples)))
+    return tuple(blend @ poses for blend in _blends(len(poses), samples))
 
 
 @cache
@@ -201,13 +200,13 @@ def spline(problem: MinimumTimeProblem, via: list[Array], duration_factor: float
 
 def splines(problem: MinimumTimeProblem, vias: Sequence[list[Array]], duration_factor: float = 1.0) -> Guesses:
     """`spline` through the poses of each path."""
-    paths = [_path(problem, via or list(problem.poses[1:-1]), SAMPLES) for via in vias]
-    q, dq, ddq = (np.stack([getattr(path, part) for path in paths]) for part in ("q", "dq", "ddq"))
+    each = [_path(problem, via or list(problem.poses[1:-1]), SAMPLES) for via in vias]
+    q, dq, ddq = paths = tuple(np.stack(part) for part in zip(*each, strict=True))
     # Torque along a path is static + inertial / T² + friction.
     friction, rest = problem.robot.friction, np.zeros_like(q)
     static = _torques(problem, q, rest, rest)
     inertial = _torques(problem, q, dq, ddq) - friction.torque(dq) - static
-    durations = _fitting_durations(problem, paths, dq, inertial)
+    durations = _fitting_durations(problem, paths, inertial)
     for k, via in enumerate(vias):
         if len(via) != 1:  # no swing through a single random pose
             durations[k] = max(durations[k], swinging_time(problem, static[k], inertial[k]))
@@ -230,14 +229,14 @@ def _torques(problem: MinimumTimeProblem, q: Array, v: Array, a: Array) -> Array
     return torques.reshape(q.shape) + robot.friction.torque(v)
 
 
-def _fitting_durations(problem: MinimumTimeProblem, paths: Sequence[Path], dq: Array, inertial: Array) -> Array:
+def _fitting_durations(problem: MinimumTimeProblem, paths: tuple[Array, ...], inertial: Array) -> Array:
     """Times [s] in which paths' inertial torques reach their limits, within limits of speed and path constraints.
 
     Torque along a path is I/T² + F/T, inertial and viscous, without gravity, which a dynamic motion may overcome, and
     dry friction: only scalable parts are fitted.
     """
+    limits, (_, dq, _) = problem.limits, paths
     viscous = np.maximum(np.sign(inertial) * np.asarray(problem.robot.friction.damping) * dq, 0)
-    limits = problem.limits
     bound = np.where(inertial > 0, limits.actuators.upper, -limits.actuators.lower)
     bound = np.maximum(bound, 2e-3 * limits.actuators.scale)
     bound[..., limits.passive] = np.inf  # without a motor: no torque keeps these on the path
@@ -246,10 +245,10 @@ def _fitting_durations(problem: MinimumTimeProblem, paths: Sequence[Path], dq: A
     by_speed = np.max(np.abs(dq) / limits.velocity, axis=(1, 2))
     least = max(problem.duration_bound(), _stopping_time(problem), 1e-6)
     required = [
-        max([constraint.least_duration(problem, path) for constraint in path_constraints_of(problem)], default=least)
-        for path in paths
+        max([constraint.least_duration(problem, *path) for constraint in path_constraints_of(problem)], default=least)
+        for path in zip(*paths, strict=True)
     ]
-    return np.asarray(np.maximum.reduce([by_torque, by_speed, np.array(required), np.full(len(paths), least)]))
+    return np.asarray(np.maximum.reduce([by_torque, by_speed, np.array(required), np.full(len(dq), least)]))
 
 
 def _stopping_time(problem: MinimumTimeProblem) -> float:

@@ -220,18 +220,16 @@ def check_pace(problem: Any) -> None:
     Raises:
         ProblemError: names the limit, the joint, the least duration and a sufficient limit.
     """
-    none = np.full(problem.robot.nv, np.inf)
-    net = np.abs(problem.poses[-1] - problem.poses[0])
+    (acceleration, jerk), net = problem.rates, np.abs(problem.poses[-1] - problem.poses[0])
     limits = {
         "velocity": (problem.limits.velocity, np.sum(np.abs(np.diff(problem.fixed_poses, axis=0)), axis=0), 1.0),
         # From rest to rest: acceleration over half the way; with a jerk limit, four ramps of the acceleration.
-        "acceleration": (problem.acceleration_limit, net, 4.0),
-        "jerk": (problem.jerk_limit, net, 32.0),
+        "acceleration": (acceleration, net, 4.0),
+        "jerk": (jerk, net, 32.0),
     }
     for order, (name, (limit, way, factor)) in enumerate(limits.items(), start=1):
         if order > 1 and not problem.from_rest_to_rest:
             break
-        limit = none if limit is None else np.asarray(limit)
         least = (factor * way / limit) ** (1 / order)
         joint = int(np.argmax(least))
         if least[joint] > LONGEST:

@@ -241,10 +241,16 @@ class MinimumTimeProblem:
         return self.variant(robot=robot, kinematic=False, effort_limit=most)
 
     @property
+    def rates(self) -> tuple[Array, Array]:
+        """Limits of acceleration and jerk [rad or m, per s² and s³], each of shape (nv,); infinite: no limit."""
+        given, none = (self.acceleration_limit, self.jerk_limit), np.full(self.robot.nv, np.inf)
+        acceleration, jerk = (none if limit is None else np.asarray(limit) for limit in given)
+        return acceleration, jerk
+
+    @property
     def _largest_acceleration(self) -> Array:
         """Largest acceleration within the limits of the rates [rad/s² or m/s²], shape (nv,): from -v to v by jerks."""
-        none = np.full(self.robot.nv, np.inf)
-        acceleration, jerk = (none if x is None else np.asarray(x) for x in (self.acceleration_limit, self.jerk_limit))
+        acceleration, jerk = self.rates
         return np.asarray(np.minimum(acceleration, np.sqrt(2 * self.limits.velocity * jerk)))
 
     @property

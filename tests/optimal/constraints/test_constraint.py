@@ -11,7 +11,7 @@ import pytest
 import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.optimal.constraints.constraint import ConstraintReport, PathConstraint
-from armdyn.optimal.constraints.registry import options, path_constraint_named, path_constraints_of
+from armdyn.optimal.constraints.registry import options, path_constraint_from, path_constraints_of
 from armdyn.optimal.constraints.rows import StageRows
 from armdyn.optimal.problem.planning_limits import PathConstraintSpec
 from problems import POSES, paper_arm, solve
@@ -53,13 +53,14 @@ def test_every_constraint_is_found_once():
 
 
 def test_names_of_the_command_line():
-    assert set(options()) >= {"tip-speed", "torque-rate"} and path_constraint_named("tip-speed") is ad.FrameSpeedLimit
+    assert set(options()) >= {"tip-speed", "torque-rate"}
+    assert path_constraint_from("tip-speed=0.5") == ad.FrameSpeedLimit(0.5)
     assert all(kind.help and kind.metavar for kind in options().values())
     assert isinstance(ad.TorqueRateLimit(1.0), PathConstraintSpec)
     with pytest.raises(ProblemError, match="did you mean 'torque-rate'"):
-        path_constraint_named("torque_rate")
+        path_constraint_from("torque_rate=1")
     with pytest.raises(ProblemError, match="known: tip-speed"):
-        path_constraint_named("x")
+        path_constraint_from("x=1")
 
 
 def test_a_constraint_without_rows_and_check_is_refused():
