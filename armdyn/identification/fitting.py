@@ -14,7 +14,7 @@ from scipy.linalg import block_diag
 from scipy.optimize import brentq
 
 from armdyn.arrays import Array
-from armdyn.identification.unknowns import Ray, Unknowns
+from armdyn.identification.unknowns import Divergence, Ray, Unknowns
 
 _NEAR, _MOST = 20, 60
 """Most Newton steps from a start that may be far, and from one that is near: some five suffice."""
@@ -69,7 +69,8 @@ def minimise(unknowns: Unknowns, normal: Normal, weight: float, start: Array) ->
     if decrement <= _CONVERGED * max(1.0, weight):
         return x
     x, large = np.zeros(unknowns.size), weight
-    while _newton(unknowns, normal, large, x, 0)[1] > _CENTRED * large:
+    prior = unknowns.divergence_near(x)
+    while _newton_step(normal, prior, large, x)[1] > _CENTRED * large:
         large *= _FACTOR
     while large > weight:
         x, _ = _newton(unknowns, normal, large, x, _MOST, _CENTRED * large)
@@ -95,16 +96,21 @@ def _newton(
     """
     x, converged = start, max(converged, _CONVERGED * max(1.0, weight))
     for k in range(iterations + 1):
-        near, slope = unknowns.divergence_near(x), normal.matrix @ x - normal.vector
-        gradient, hessian = slope + weight * near.gradient, normal.matrix + weight * near.hessian
-        scale = 1 / np.sqrt(np.diag(hessian))  # its diagonal spans 1e16 next to the border of physical bodies
-        step = -scale * np.linalg.solve(hessian * np.outer(scale, scale), scale * gradient)
-        decrement = float(-gradient @ step)
+        near = unknowns.divergence_near(x)
+        step, decrement, slope = _newton_step(normal, near, weight, x)
         if decrement <= converged or k == iterations:
             break
-        ray = near.along(step)
-        x = x + step * _step_length(ray, weight, float(slope @ step), float(step @ normal.matrix @ step))
+        x = x + step * _step_length(near.along(step), weight, slope, float(step @ normal.matrix @ step))
     return x, decrement
+
+
+def _newton_step(normal: Normal, near: Divergence, weight: float, x: Array) -> tuple[Array, float, float]:
+    """Newton's step from x, shape (p,), its decrement, and the slope of half the squares along it."""
+    slope = normal.matrix @ x - normal.vector
+    gradient, hessian = slope + weight * near.gradient, normal.matrix + weight * near.hessian
+    scale = 1 / np.sqrt(np.diag(hessian))  # its diagonal spans 1e16 next to the border of physical bodies
+    step = -scale * np.linalg.solve(hessian * np.outer(scale, scale), scale * gradient)
+    return step, float(-gradient @ step), float(slope @ step)
 
 
 def _step_length(ray: Ray, weight: float, slope: float, curvature: float) -> float:

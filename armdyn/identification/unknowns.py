@@ -24,6 +24,7 @@ BASIS, (_ROWS, _COLUMNS) = np.zeros((10, 4, 4)), np.tril_indices(4)
 """Orthonormal basis of the symmetric 4 × 4 matrices."""
 BASIS[range(10), _ROWS, _COLUMNS] = BASIS[range(10), _COLUMNS, _ROWS] = np.where(_ROWS == _COLUMNS, 1.0, np.sqrt(0.5))
 _TRACES = np.trace(BASIS, axis1=1, axis2=2)
+_IDENTITY = np.eye(4).ravel()
 
 
 def parameters_of(pseudo: Array) -> Array:
@@ -148,16 +149,20 @@ class Unknowns:
 
     def _relative(self, x: Array) -> Array:
         own = x[: 10 * len(self.joints)].reshape(-1, 10)
-        return np.asarray(np.eye(4) + (own @ BASIS.reshape(10, 16)).reshape(-1, 4, 4))
+        return np.asarray((_IDENTITY + own @ BASIS.reshape(10, 16)).reshape(-1, 4, 4))
 
     def divergence_near(self, x: Array) -> Divergence:
         """The divergence from the prior near physical unknowns, shape (p,)."""
-        split = 10 * len(self.joints)
+        count, size = len(self.joints), x.size
+        split = 10 * count
         inverse = np.linalg.inv(np.linalg.cholesky(self._relative(x)))[:, None]
-        turned = (inverse @ BASIS @ np.swapaxes(inverse, 2, 3)).reshape(-1, 10, 16)
+        turned = (inverse @ BASIS @ inverse.swapaxes(2, 3)).reshape(-1, 10, 16)
         positive, free = 1 + x[split : split + self.positive], x[split + self.positive :]
-        slopes = _TRACES - turned @ np.eye(4).ravel()
+        slopes = _TRACES - turned @ _IDENTITY
         gradient = np.concatenate([slopes.ravel(), 1 - 1 / positive, free])
-        rest = np.diag(np.concatenate([positive**-2, np.ones(free.size)]))
-        hessian = block_diag(*(turned @ np.swapaxes(turned, 1, 2)), rest)
+        hessian = np.zeros((size, size))
+        diagonal = hessian.ravel()[:: size + 1]  # written in place: `block_diag` costs more than all the rest
+        diagonal[split : split + self.positive], diagonal[split + self.positive :] = positive**-2, 1.0
+        for k, block in enumerate(turned @ turned.swapaxes(1, 2)):
+            hessian[10 * k : 10 * k + 10, 10 * k : 10 * k + 10] = block
         return Divergence(gradient, hessian, turned, positive, free)
