@@ -96,7 +96,6 @@ INNER = {
         "of",
         "of_option",
         "on",
-        "under",
     ),
     *(
         "report",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass, field, fields
+from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -25,8 +25,7 @@ from armdyn.optimal.problem.checks import ROUNDING, check_every_joint_has_motor
 from armdyn.optimal.problem.policy.policy import Policy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.verify.certificate import Certificate
-from armdyn.optimal.verify.within_limits import worst_violation
+from armdyn.optimal.verify.certificate import certify
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 
@@ -244,13 +243,7 @@ def _solution(live: LiveProblem, outcome: tuple[Status, Trajectory], steps: int,
     """The solution from a motion within all limits."""
     problem, distances = live.problem, live.distances
     status, motion = outcome
-    exceeded = worst_violation(problem.robot, problem.limits, motion, dense=2)
-    error = np.abs(problem.goal_error_of(motion))
-    certificate = Certificate(
-        float(np.max(error[: problem.robot.nv])), float(np.max(error[problem.robot.nv :])),
-        exceeded.value if exceeded else 0.0, exceeded=exceeded, remark=_REMARK, replay="curve",
-        slides=tuple(problem.robot.slides.tolist()),
-    )  # fmt: skip
+    certificate = replace(certify(problem, motion, None, _REMARK, dense=2), replay="curve")
     reaches = status not in (Status.FOLLOWED, Status.STOPPED)
     report = None if distances is None else distances.report
     return Solution(
@@ -263,7 +256,7 @@ def _solution(live: LiveProblem, outcome: tuple[Status, Trajectory], steps: int,
         certificate=certificate,
         iterations=steps,
         solve_time=seconds,
-        worst_violation=exceeded,
+        worst_violation=certificate.exceeded,
         clearance=None if report is None else report.clearance,
         constraint_reports=() if report is None else (report,),
         moves=reaches,

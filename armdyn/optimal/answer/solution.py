@@ -10,16 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armdyn.files import attributes
-from armdyn.models.scene.collision import Clearance
-from armdyn.optimal.answer.advice import advice
+from armdyn.optimal.answer.advice import what_to_do
+from armdyn.optimal.answer.result import Result
 from armdyn.optimal.answer.words import assessment, checks, found_words, paragraph, verdict
-from armdyn.optimal.constraints.constraint import ConstraintReport
-from armdyn.optimal.curves.goals import GoalResult
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.problem.status import Status, Violation
-from armdyn.optimal.verify.arc import Arc
+from armdyn.optimal.problem.status import Status
 from armdyn.optimal.verify.certificate import Certificate
-from armdyn.optimal.verify.costates import Costates, Phases, Sensitivities, Share, sensitivities
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called
 from armdyn.trajectory import Trajectory
@@ -30,7 +26,7 @@ if TYPE_CHECKING:
 
 @brief
 @dataclass(frozen=True, eq=False)
-class Solution:
+class Solution(Result):
     """A motion, its certificate, and the statistics of its search.
 
     Attributes:
@@ -64,31 +60,6 @@ class Solution:
         followed: options of the search that are not advised: raised already, or, of the time limit, without effect.
     """
 
-    success: bool
-    status: Status
-    message: str
-    problem: MinimumTimeProblem
-    duration: float
-    trajectory: Trajectory
-    certificate: Certificate
-    arcs: tuple[Arc, ...] = ()
-    phases: Phases | None = None
-    costates: Costates | None = None
-    local_optima: tuple[float, ...] = ()
-    intervals: int = 0
-    iterations: int = 0
-    solve_time: float = 0.0
-    worst_violation: Violation | None = None
-    clearance: Clearance | None = None
-    constraint_reports: tuple[ConstraintReport, ...] = ()
-    via_times: tuple[float, ...] = ()
-    goals: tuple[GoalResult, ...] = ()
-    moves: bool = True
-    decides: tuple[Share, ...] = ()
-    calm: float = 0.0
-    search_remark: str = ""
-    followed: tuple[str, ...] = ()
-
     def __str__(self) -> str:
         """A paragraph: duration, verdict, limits that decide the time, bound."""
         return paragraph(self)
@@ -103,51 +74,9 @@ class Solution:
         return renderer().card(self)
 
     @property
-    def feasible(self) -> bool:
-        """Whether the replay reaches the goal within all limits and path constraints. See also `usable`."""
-        return self.certificate.usable and not any(kept.reasons for kept in self.constraint_reports)
-
-    @property
-    def usable(self) -> bool:
-        """Whether the motion is feasible, and the motors can hold the arm at the goal, if it should rest there."""
-        return self.feasible and self.problem.holding_deficit is None
-
-    @property
-    def certified(self) -> bool:
-        """Whether the motion is feasible, and extremal or proven within 0.1 % of the least duration of all motions."""
-        return self.feasible and self.certificate.ok
-
-    @property
-    def lower_bound(self) -> float | None:
-        """Proven lower bound on the duration of all motions [s]; None: unknown."""
-        return self.certificate.lower_bound
-
-    @property
-    def gap(self) -> float | None:
-        """Relative gap (duration - lower_bound) / lower_bound; None without a bound or a feasible motion."""
-        return self.certificate.gap if self.feasible else None
-
-    @property
-    def gap_proven(self) -> bool:
-        """Whether `gap` is between a bound and a feasible motion that ends on the goal."""
-        return self.feasible and self.certificate.gap_proven
-
-    @property
     def what_to_do(self) -> tuple[str, ...]:
         """Advice, one line per failed check; empty for a usable, certified motion, or if Ctrl-C came first."""
-        if (self.certified and self.usable) or (self.status is Status.INTERRUPTED and not self.moves):
-            return ()
-        return tuple(advice(self).values())
-
-    @property
-    def replay_error(self) -> float:
-        """Largest joint position error of the replay at the goal [rad or m]."""
-        return self.certificate.goal_error
-
-    @property
-    def replay_velocity_error(self) -> float:
-        """Largest joint velocity error of the replay at the goal [rad/s or m/s]."""
-        return self.certificate.goal_velocity_error
+        return what_to_do(self)
 
     def plot(self) -> Figure:
         """Position, velocity and torque of every joint over time, with the limits and the switching times.
@@ -171,10 +100,6 @@ class Solution:
             DiskFullError: the disk is full.
         """
         return renderer().report(self, path)
-
-    def sensitivities(self) -> Sensitivities | None:
-        """Derivatives of t_f with respect to payload and limits; None without costates."""
-        return None if self.costates is None else sensitivities(self.problem, self.costates)
 
 
 def without_motion(problem: MinimumTimeProblem, status: Status, why: str, last: Trajectory | None = None) -> Solution:

@@ -154,10 +154,6 @@ class PathConstraint(PathConstraintSpec, ABC):
             raise ProblemError(f"values of --limit {cls.option} are none; give a number")
         return found, None if frame is None else text(frame, f"frame of --limit {cls.option}")
 
-    def under(self, policy: PathConstraintPolicy) -> Self:
-        """The constraint with a policy's tuned numbers."""
-        return replace(self, policy=policy)
-
     def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array] | None:
         """Order of the limited derivative of q, 2 or 3, and its limits, shape (nv,); None for other constraints.
 

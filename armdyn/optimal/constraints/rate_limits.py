@@ -75,26 +75,24 @@ class DerivativeLimit(PartialLimit):
 
     order: ClassVar[int]
 
-    @classmethod
-    def limits(cls, problem: MinimumTimeProblem) -> Array | None:
-        """The derivative's limits [rad/s² or m/s², or rad/s³ or m/s³], shape (nv,); None: no limits."""
-        given = getattr(problem, f"{_DERIVATIVES[cls.order][0]}_limit")
-        return None if given is None else np.asarray(given)
+    def limits(self, problem: MinimumTimeProblem) -> Array:
+        """The derivative's limits [rad/s² or m/s², or rad/s³ or m/s³], shape (nv,)."""
+        return problem.rates[self.order - 2]
 
     @classmethod
     def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
-        return None if cls.limits(problem) is None else cls()
+        return None if getattr(problem, f"{_DERIVATIVES[cls.order][0]}_limit") is None else cls()
 
     def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array]:
-        return self.order, self.part * np.asarray(self.limits(problem))
+        return self.order, self.part * self.limits(problem)
 
     def _within(self, problem: MinimumTimeProblem, expression: Callable[..., ca.SX]) -> StageRows:
         """Rows of the derivative over its limits."""
-        return StageRows(expression, -self.part, self.part, 1 / np.asarray(self.limits(problem)))
+        return StageRows(expression, -self.part, self.part, 1 / self.limits(problem))
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """Check accelerations by forward dynamics, and their time derivatives, within every sample."""
-        robot, limits, (kind, power) = problem.robot, np.asarray(self.limits(problem)), _DERIVATIVES[self.order]
+        robot, limits, (kind, power) = problem.robot, self.limits(problem), _DERIVATIVES[self.order]
         t, *rates = accelerations(robot, motion)
         seen = np.abs(rates[self.order - 2]).reshape(-1, robot.nv)
 
@@ -116,7 +114,7 @@ class AccelerationLimit(DerivativeLimit):
         return (self._within(problem, _accelerations),)
 
     def least_duration(self, problem: MinimumTimeProblem, q: Array, dq: Array, ddq: Array) -> float:
-        return float(np.sqrt(np.max(np.abs(ddq) / np.asarray(problem.acceleration_limit))))
+        return float(np.sqrt(np.max(np.abs(ddq) / self.limits(problem))))
 
 
 def _accelerations(stages: Stages, over_limit: ca.SX) -> ca.SX:

@@ -93,7 +93,7 @@ class TightenedConstraints:
     def of(cls, task: Task) -> Self:
         """Path constraints of a task's problem, not tightened."""
         numbers = task.policy.path_constraints
-        return cls(tuple(constraint.under(numbers) for constraint in path_constraints_of(task.problem)))
+        return cls(tuple(replace(constraint, policy=numbers) for constraint in path_constraints_of(task.problem)))
 
     def required_distances(self, problem: MinimumTimeProblem) -> RequiredDistances | None:
         """Required distances between bodies; None without such a constraint."""

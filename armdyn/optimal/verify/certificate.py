@@ -19,7 +19,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.verify.costates import Phases, idle_joints, pontryagin
 from armdyn.optimal.verify.rollout import ACCURACY, Segments, under_feedback
-from armdyn.optimal.verify.within_limits import worst_violation
+from armdyn.optimal.verify.within_limits import BETWEEN, worst_violation
 from armdyn.reprs import brief, joint_unit, optimality_words, percent
 from armdyn.trajectory import Trajectory
 
@@ -253,7 +253,9 @@ def _beyond(*checks: tuple[str, float, float]) -> tuple[str, ...]:
     return tuple(text.format(value) for text, value, bound in checks if not value <= bound)
 
 
-def certify(problem: MinimumTimeProblem, replay: Trajectory, phases: Phases | None, remark: str = "") -> Certificate:
+def certify(
+    problem: MinimumTimeProblem, replay: Trajectory, phases: Phases | None, remark: str = "", dense: int = BETWEEN
+) -> Certificate:
     """Check a replayed motion, and its costates if its arcs are known, without the adjoint equations.
 
     Args:
@@ -261,10 +263,11 @@ def certify(problem: MinimumTimeProblem, replay: Trajectory, phases: Phases | No
         replay: replay of the torques by `replay_torques`.
         phases: the solved arcs; None: only the replay is checked.
         remark: reason for missing arcs.
+        dense: see `excesses`.
     """
     goal = float(np.max(np.abs(replay.q[-1] - problem.q_goal)))
     goal_velocity = float(np.max(np.abs(replay.v[-1] - problem.v_goal)))
-    exceeded = worst_violation(problem.robot, problem.limits, replay)
+    exceeded = worst_violation(problem.robot, problem.limits, replay, dense)
     limit = exceeded.value if exceeded else 0.0
     slides = tuple(problem.robot.slides.tolist())
     plain = Certificate(
