@@ -18,7 +18,6 @@ import casadi as ca
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.dynamics.motion import LOBATTO_3
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.optimal.constraints.rows import IntervalFunctions, differentiated
@@ -71,21 +70,18 @@ def _interval(dynamics: Dynamics, scheme: Scheme) -> tuple[IntervalFunctions, ca
     y, p = ca.SX.sym("y", layout.width), ca.SX.sym("p", Parameters.size(n))
     by, body = Parameters.of(p, n), present_body(dynamics, p)
     scale = ca.vertcat(ca.repmat(by.length, n, 1), ca.repmat(by.speed, n, 1))
-    left, first, right, last, duration = layout.parts(y)
+    left, u, right, duration = layout.parts(y)
     h = by.fraction * by.time * duration
 
-    def rate(x: ca.SX, u: ca.SX) -> ca.SX:
+    def rate(x: ca.SX) -> ca.SX:
         q, v = by.length * x[layout.full.knot.q], by.speed * x[layout.full.knot.v]
         scaled: ca.SX = ca.vertcat(v, dynamics.aba(q, v, by.effort * u, body)) / scale
         return scaled
 
-    start, end = rate(left, first), rate(right, last)
+    start, end = rate(left), rate(right)
     middle = (left + right) / 2 + h / 8 * (start - end)
-    defects = right - left - h / 6 * (start + 4 * rate(middle, (first + last) / 2) + end)
-    squares = sum(
-        b * ca.dot(by.weights, u**2) for b, u in zip(LOBATTO_3.b, (first, (first + last) / 2, last), strict=True)
-    )
-    cost = by.fraction * duration * (1 + squares / 2)
+    defects = right - left - h / 6 * (start + 4 * rate(middle) + end)
+    cost = by.fraction * duration * (1 + ca.dot(by.weights, u**2) / 2)
     functions = differentiated("condensed", y, p, defects, cost, scheme.compile)
     return functions, ca.Function("condensed_middle", [y, p], [middle])
 

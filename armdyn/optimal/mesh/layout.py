@@ -141,23 +141,22 @@ class Layout:
 
 @dataclass(frozen=True)
 class CondensedLayout:
-    """Layout without inner stages and with a single final time, see `condensed`.
+    """Layout with constant torques, without inner stages and with a single final time, see `condensed`.
 
-    w = [x_0 | u_0 | x_1 | u_1 | … | x_N | T], with u_N only if the torque is linear between knots.
+    w = [x_0 | u_0 | x_1 | u_1 | … | x_N | T].
     """
 
     full: Layout
 
     @property
     def width(self) -> int:
-        """Number of an interval's unknowns: (x_k, u_k, x_{k+1}, T), or (x_k, u_k, x_{k+1}, u_{k+1}, T)."""
-        return (6 if self.full.linear else 5) * self.full.nv + 1
+        """Number of an interval's unknowns: (x_k, u_k, x_{k+1}, T)."""
+        return 5 * self.full.nv + 1
 
-    def parts(self, y: Any) -> tuple[Any, Any, Any, Any, Any]:
-        """Split an interval's unknowns into state and torque at its start, both at its end, and T."""
+    def parts(self, y: Any) -> tuple[Any, Any, Any, Any]:
+        """Split an interval's unknowns into the state at its start, the torque, the state at its end, and T."""
         n = self.full.nv
-        first = y[2 * n : 3 * n]
-        return y[: 2 * n], first, y[3 * n : 5 * n], y[5 * n : 6 * n] if self.full.linear else first, y[-1]
+        return y[: 2 * n], y[2 * n : 3 * n], y[3 * n : 5 * n], y[-1]
 
     def intervals(self, N: int) -> Index:
         """Indices of each interval's unknowns, a column each, shape (width, N)."""

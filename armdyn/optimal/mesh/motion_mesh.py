@@ -83,7 +83,7 @@ class _Meshes:
         def finer(one: Attempt) -> Array:
             return finer_knots(within, one) if self.work.left > 0 else one.mesh
 
-        first = finer(attempt) if self.task.scheme.control == "linear" else mesh(4 * self.task.policy.search.fine_mesh)
+        first = mesh(4 * self.task.policy.search.fine_mesh)
         yield from on_finer_meshes(self.task, attempt, first, solve, finer)
 
     def sharp(self, attempt: Attempt, knots: Array, margins: MeshMargins | None = None) -> Attempt | None:

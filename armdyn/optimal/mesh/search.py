@@ -60,6 +60,8 @@ def find(task: Task) -> SearchResult:
         task: the problem and its settings.
     """
     options, numbers = task.options, task.policy.search
+    if task.policy.program.condensed:  # where effort costs, too: the stagewise method takes a tenth of IPOPT's time
+        task = replace(task, scheme=replace(task.scheme, control="constant"))
     same = task.policy.same.coarse, task.policy.same.distance
     count = numbers.guesses(options)
     # Guesses of the options are solved on the fine mesh directly.

@@ -16,7 +16,7 @@ from problems import paper_arm
 CONTROLS = ["linear", "constant"]
 SCHEMES = st.builds(Scheme, st.sampled_from(CONTROLS))
 LAYOUTS = st.builds(Layout, st.integers(1, 7), SCHEMES)
-CONDENSED = [Scheme(control=control, compile=False) for control in ("linear", "constant")]
+CONSTANT = Scheme("constant", compile=False)
 
 
 def places(fields, *names):
@@ -69,29 +69,25 @@ def test_equations_by_their_names():
     assert layout.equation(layout.rows - 2) == ("velocity defect", 1)
 
 
-@pytest.mark.parametrize("scheme", CONDENSED, ids=str)
-def test_condensed_unknowns_are_the_others_without_middles_and_repeated_times(scheme):
-    full, N = Layout(3, scheme), 4
+def test_condensed_unknowns_are_the_others_without_middles_and_repeated_times():
+    full, N = Layout(3, CONSTANT), 4
     layout, x = CondensedLayout(full), np.arange(full.size(N), dtype=float)
     x[full.times(N)] = -1.0
     w, middles = x[layout.kept(N)], x[full.middles(N)].T
     np.testing.assert_array_equal(layout.expanded(w, middles), x)
     # An interval's are those of its knots, its torque, and the time.
     for own, whole in zip(layout.intervals(N).T, full.intervals(N).T, strict=True):
-        left, first, right, last, time = layout.parts(w[own])
+        left, torque, right, time = layout.parts(w[own])
         begin, _, end = full.parts(x[whole])
         np.testing.assert_array_equal(left, begin[full.knot.state])
         np.testing.assert_array_equal(right, end[full.knot.state])
-        torques = (begin, end) if full.linear else (x[whole][full.knot.size + 6 : full.block],) * 2
-        for torque, block in zip((first, last), torques, strict=True):
-            np.testing.assert_array_equal(torque, block[full.knot.torque] if full.linear else block)
+        np.testing.assert_array_equal(torque, x[whole][full.knot.size + 6 : full.block])
         assert time == -1.0
 
 
-@pytest.mark.parametrize("scheme", CONDENSED, ids=str)
-def test_the_condensed_program_has_its_layouts_size(scheme):
-    nlp = build_condensed(Dynamics(paper_arm("rr"), free_last_body=True), scheme, 5)
-    assert nlp.functions["x"].numel() == CondensedLayout(Layout(2, scheme)).kept(5).size
+def test_the_condensed_program_has_its_layouts_size():
+    nlp = build_condensed(Dynamics(paper_arm("rr"), free_last_body=True), CONSTANT, 5)
+    assert nlp.functions["x"].numel() == CondensedLayout(Layout(2, CONSTANT)).kept(5).size
     assert nlp.functions["p"].numel() == Parameters.size(2, 5)
 
 

@@ -18,7 +18,9 @@ class ProgramPolicy:
     cases: ClassVar = "RR and RRR, random; with rows RR and Panda"
 
     linear: bool = by_kind(
-        "-", "torque linear between knots: it may not jump, or limits fall with speed", "by definition"
+        "-",
+        "torque linear between knots, but in the search with effort: it may not jump, or limits fall with speed",
+        "by definition",
     )
     condensed: bool = by_kind("-", "without the interval's middle: half the unknowns, without path constraints")
     flat: float | None = by_kind("scaled", "IPOPT's error at which it may stop: rows make the minimum flat")
