@@ -42,7 +42,7 @@ def test_optima_come_by_cost_and_the_first_is_not_the_fastest():
     found = find(Task.of(problem)).attempts
     costs = [attempt.cost for attempt in found]
     assert len(found) >= 2 and np.all(np.diff(costs) > 0)
-    assert costs[0] == pytest.approx(0.5577320121886695, rel=1e-6)  # the reference's J; on 80 intervals 2e-8 was found
+    assert 0 < costs[0] / 0.5577320121886695 - 1 < 2e-4  # the reference's J; constant torques in 80 intervals cost more
     assert found[1].trajectory.duration < found[0].trajectory.duration  # by duration the choice would be wrong
 
 
