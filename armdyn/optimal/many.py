@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -13,8 +13,8 @@ from armdyn.optimal.answer.solution import Solution, without_motion
 from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.options import MinimumTimeOptions
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.problem.status import Status, Stop, stopping
-from armdyn.parallel import LISTEN, ForkPool, job_pool
+from armdyn.optimal.problem.status import Status, stopping
+from armdyn.parallel import LISTEN, job_pool
 
 
 def solve_many(
@@ -43,69 +43,39 @@ def solve_many(
     given = several(problems, "problems")
     checked = [expect(one, MinimumTimeProblem, f"problems[{k}]") for k, one in enumerate(given)]
     options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
-    batch = _Batch(checked, replace(options, workers=1), listener(progress))
-    with stopping(np.inf) as stop:
-        batch.solve(0, stop)
-        with job_pool([partial(_solved, one, batch.options) for one in checked], options.workers) as pool:
-            if pool.count and not stop:
-                batch.share(pool, stop)
-            for k in range(len(checked)):  # without workers
-                batch.solve(k, stop)
-    return batch.solutions()
-
-
-class _Batch:
-    """Problems and their solutions so far."""
-
-    def __init__(
-        self, problems: Sequence[MinimumTimeProblem], options: MinimumTimeOptions, progress: Callable[[str], None]
-    ):
-        self.problems, self.options, self._progress = problems, options, progress
-        self._known, self._usable, self._began = dict[int, Solution](), 0, time.monotonic()
-
-    def solve(self, k: int, stop: Stop) -> None:
-        """Solve the problem of index k in this process, unless it is solved, or there is none, or `stop` is set."""
-        if stop or k in self._known or k >= len(self.problems):
-            return
-        solution = _solved(self.problems[k], self.options)
-        if solution.status is Status.INTERRUPTED:  # the solve itself received Ctrl-C
-            stop.interrupt()
-        else:
-            self._add(k, solution)
-
-    def share(self, pool: ForkPool[Solution], stop: Stop) -> None:
-        """Solve the remaining problems by workers."""
-        waiting, deaths = deque(k for k in range(len(self.problems)) if k not in self._known), set[int]()
-        while len(self._known) < len(self.problems) and not stop:
-            while pool.idle and waiting:
-                pool.submit(waiting[0], waiting.popleft())
-            for k, _, result in pool.finished(LISTEN):
-                if result is not None and result[0].status is not Status.INTERRUPTED:
-                    own, solved = self.problems[k], result[0].problem  # for a goal pose, its chosen branch
-                    self._add(k, replace(result[0], problem=own if len(own.goals) == 1 else solved))
-                    continue
-                if result is None and k in deaths:  # such as for lack of memory
-                    self._add(k, without_motion(self.problems[k], Status.FAILED, "its worker died, twice"))
-                else:
+    report, began = listener(progress), time.monotonic()
+    jobs = [partial(_solved, one, replace(options, workers=1)) for one in checked]
+    known, waiting, died = dict[int, Solution](), deque(range(len(jobs))), set[int]()
+    with stopping(np.inf) as stop, job_pool(jobs, options.workers) as pool:
+        while len(known) < len(jobs) and not stop:
+            here = not (known and pool.count)
+            if here:
+                ended: list[tuple[int, Solution | None]] = [(waiting[0], jobs[waiting.popleft()]())]
+            else:
+                while pool.idle and waiting:
+                    pool.submit(waiting[0], waiting.popleft())
+                ended = [(k, result and result[0]) for k, _, result in pool.finished(LISTEN)]
+            for k, solution in ended:
+                if solution is None and k in died:  # such as for lack of memory
+                    solution = without_motion(checked[k], Status.FAILED, "its worker died, twice")
+                if solution is None or solution.status is Status.INTERRUPTED:
                     waiting.append(k)
-                    deaths |= {k} if result is None else set()
+                    died |= {k} if solution is None else set()
+                    if here:  # the solve itself received Ctrl-C
+                        stop.interrupt()
+                    continue
+                chosen = len(checked[k].goals) > 1  # for a goal pose, its best branch
+                known[k] = solution if chosen else replace(solution, problem=checked[k])
+                report(_progress(known, len(jobs), time.monotonic() - began))
+    missing = "interrupted before it was solved"
+    return [known.get(k) or without_motion(problem, Status.INTERRUPTED, missing) for k, problem in enumerate(checked)]
 
-    def solutions(self) -> list[Solution]:
-        """Solutions of all problems; "interrupted" for missing ones."""
-        missing = "interrupted before it was solved"
-        return [
-            self._known.get(k) or without_motion(problem, Status.INTERRUPTED, missing)
-            for k, problem in enumerate(self.problems)
-        ]
 
-    def _add(self, k: int, solution: Solution) -> None:
-        self._known[k] = solution
-        self._usable += solution.usable
-        done, count = len(self._known), len(self.problems)
-        left = (time.monotonic() - self._began) / done * (count - done)
-        self._progress(
-            f"{done} of {count} solved, {self._usable} usable" + (f"; about {left:.0f} s left" if left >= 1 else "")
-        )
+def _progress(known: Mapping[int, Solution], count: int, seconds: float) -> str:
+    """Line of text on the solutions so far, after some seconds."""
+    done, usable = len(known), sum(one.usable for one in known.values())
+    left = seconds / done * (count - done)
+    return f"{done} of {count} solved, {usable} usable" + (f"; about {left:.0f} s left" if left >= 1 else "")
 
 
 def _solved(problem: MinimumTimeProblem, options: MinimumTimeOptions) -> Solution:
