@@ -19,7 +19,7 @@ from armdyn.optimal.problem.status import Status, Stop, stopping
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, Certificate
 from armdyn.optimal.verify.costates import deciding, end_gradient, transversality
-from armdyn.optimal.verify.optimum import Optimum, as_replayed, with_adjoint_check
+from armdyn.optimal.verify.optimum import Optimum, as_replayed
 from armdyn.reprs import joint_unit
 
 _NEARLY = 1000 * LIMIT_TOLERANCE
@@ -65,7 +65,7 @@ def assembled(
         iterations=found.iterations + sum(optimum.iterations for optimum in optima),
         solve_time=elapsed,
         worst_violation=best.worst_violation
-        or (best.reports.worst if best.within_limits else best.certificate.exceeded),
+        or (best.reports.worst if certificate.keeps_limits else certificate.exceeded),
         clearance=best.reports.clearance,
         constraint_reports=best.reports.each,
         via_times=best.via_times,
@@ -120,15 +120,15 @@ def _chosen(task: Task, optima: list[Optimum], bound: float | None) -> tuple[Opt
 
 
 def _completed(task: Task, optimum: Optimum, bound: float | None) -> Optimum:
-    """An optimum with its certificate complete: repeated, with the lower bound, and an extremal's adjoint error."""
+    """An optimum with its certificate complete: replayed again, and with the lower bound."""
     optimum = as_replayed(task, optimum)
     certificate = optimum.certificate.bounded(None if task.problem.pays_effort else bound, optimum.trajectory.duration)
-    return with_adjoint_check(task, replace(optimum, certificate=certificate))
+    return replace(optimum, certificate=certificate)
 
 
 def _rank(optimum: Optimum) -> tuple[bool, bool, bool]:
     """Sort key: motions that land first, then those within limits, then those that satisfy path constraints."""
-    return not optimum.landed, not optimum.within_limits, bool(optimum.missed)
+    return not optimum.certificate.lands, not optimum.certificate.keeps_limits, bool(optimum.missed)
 
 
 def _order(optimum: Optimum) -> tuple[bool, bool, bool, float]:
@@ -144,7 +144,7 @@ def _alike(optimum: Optimum, best: Optimum, same: float) -> bool:
 def _moves(optimum: Optimum) -> bool:
     """Whether an optimum may be reported as a motion: it lands, and exceeds no limit visibly."""
     nearly = optimum.certificate.limit_violation <= _NEARLY
-    return optimum.landed and nearly and not optimum.missed
+    return optimum.certificate.lands and nearly and not optimum.missed
 
 
 def _status(task: Task, optimum: Optimum, found: SearchResult) -> Status:
@@ -195,7 +195,7 @@ def _message(task: Task, status: Status, optimum: Optimum, found: SearchResult) 
     elif status is not Status.CONDITION_MISSED:
         said += "; no motion so far reaches the goal within the limits"
     worst = certificate.exceeded
-    if worst is not None and not optimum.within_limits:
+    if worst is not None and not certificate.keeps_limits:
         said += f"; {worst.constraint} of joint {worst.joint!r} exceeded by {worst.value:.2g} of it"
         said += f" at t = {worst.time:.4g} s"
     return said

@@ -83,7 +83,7 @@ def curves(task: Task) -> tuple[list[Optimum], SearchResult]:
     for one in found:
         optima.append(_calm(task, one))
         kept = constraints_mended(task, optima[-1].reports)
-        if task.stop or (optima[-1].landed and kept):
+        if task.stop or (optima[-1].certificate.lands and kept):
             break
     others = tuple(one.curve.duration for one in found[len(optima) :])
     iterations = sum(one.iterations for one in found[len(optima) :])

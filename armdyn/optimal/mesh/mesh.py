@@ -21,7 +21,7 @@ from armdyn.optimal.polish.polish import Structure, polished
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.arc import arcs_of
 from armdyn.optimal.verify.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE
-from armdyn.optimal.verify.optimum import MeshMargins, Optimum, as_replayed, excess, least_slowing, with_adjoint_check
+from armdyn.optimal.verify.optimum import MeshMargins, Optimum, as_replayed, excess, least_slowing
 from armdyn.optimal.verify.rollout import dense, replay_of
 from armdyn.optimal.verify.within_limits import can_be_slowed
 from armdyn.parallel import in_processes
@@ -90,7 +90,7 @@ def _optimum(task: Task, attempt: Attempt, work: MeshWork) -> Optimum:
     motion = mesh_optimum(task, attempt, work, exact)
     if motion is not None and motion.phases is not None:
         return motion
-    if motion is None or not motion.within_limits:
+    if motion is None or not motion.certificate.keeps_limits:
         own = Optimum.of(task.problem, replay_on_goal(task, attempt), attempt.intervals)
         return own if motion is None else min(own, motion, key=partial(_rank, task))
     return replace(motion, arcs=arcs_of(task.problem, motion.trajectory, task.policy.arcs))
@@ -103,13 +103,13 @@ def _exact(task: Task, solved: set[Structure], mesh: Attempt) -> Optimum | None:
         return None
     found = Optimum.of(task.problem, replay_of(task, phases.torques), mesh.intervals, phases)
     if found.certificate.ok:
-        found = with_adjoint_check(task, as_replayed(task, found))
+        found = as_replayed(task, found)
     return found if found.certificate.ok else None
 
 
 def _rank(task: Task, optimum: Optimum) -> tuple[bool, float]:
     """Sort key: first the optima that reach the goal within their limits, by duration; then the others, by error."""
-    factor = least_slowing(task, optimum)
+    factor = least_slowing(task.problem, optimum)
     good = optimum.certificate.goal_error <= GOAL_TOLERANCE and factor <= task.policy.same.slower
     return not good, factor * optimum.trajectory.duration if good else optimum.error
 
@@ -166,14 +166,14 @@ def _faults(task: Task, optimum: Optimum) -> tuple[bool, bool, bool]:
 
 def _beyond(task: Task, optimum: Optimum) -> bool:
     """Whether an optimum exceeds limits of position, or of velocity where it cannot be slowed down."""
-    velocity, position = excess(task, optimum)
+    velocity, position = excess(task.problem.limits, optimum.trajectory)
     return position > 0 or (velocity > LIMIT_TOLERANCE and not can_be_slowed(task.problem))
 
 
 def _rank_of_constrained(task: Task, optimum: Optimum) -> tuple[bool, bool, bool, bool, float]:
     """Sort key: kept constraints first, then motions that land, kept limits, goals met well, and durations."""
     violated, missed, beyond = _faults(task, optimum)
-    return violated, not optimum.landed, beyond, missed, optimum.trajectory.duration
+    return violated, not optimum.certificate.lands, beyond, missed, optimum.trajectory.duration
 
 
 def _checked(task: Task, attempt: Attempt) -> Optimum:

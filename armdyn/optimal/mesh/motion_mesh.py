@@ -270,7 +270,7 @@ def _divided_until_certified(meshes: _Meshes, mesh: Attempt) -> Optimum | None:
     for k in range(numbers.further_meshes):
         if not np.any(best.to_divide) or meshes.work.left <= 0:
             break
-        velocity, position = excess(task, best.optimum)
+        velocity, position = excess(task.problem.limits, best.optimum.trajectory)
         margins = MeshMargins(velocity if k else 0.0, position)  # shorter intervals: smaller excess
         divided = meshes.sharp(mesh, _in_parts(mesh.mesh, np.where(best.to_divide, numbers.parts, 1)), margins)
         judged = None if divided is None else _judged(task, divided)
@@ -295,7 +295,7 @@ def _within_margins(meshes: _Meshes, mesh: Attempt, optimum: Optimum) -> Optimum
     for kept in task.policy.motion_mesh.kept:
         if last.usable:
             break
-        margins = margins.wider(task, last, margins.torque if last.landed else kept)
+        margins = margins.wider(task, last, margins.torque if last.certificate.lands else kept)
         again = meshes.sharp(mesh, mesh.mesh, margins)
         judged = None if again is None else _judged(task, again)
         if again is None or judged is None:

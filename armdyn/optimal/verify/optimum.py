@@ -6,6 +6,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.constraints.constraint import ConstraintReports
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.problem.checks import ROUNDING
@@ -97,19 +98,9 @@ class Optimum:
         return max(self.certificate.goal_error, self.certificate.limit_violation)
 
     @property
-    def within_limits(self) -> bool:
-        """Whether the replay satisfies all limits of torque, velocity and position."""
-        return self.certificate.keeps_limits
-
-    @property
     def missed(self) -> tuple[str, ...]:
         """Violated path constraints, in words."""
         return self.reports.reasons
-
-    @property
-    def landed(self) -> bool:
-        """Whether the replay reaches the goal, see `Certificate.lands`."""
-        return self.certificate.lands
 
     @property
     def usable(self) -> bool:
@@ -118,7 +109,9 @@ class Optimum:
 
 
 def as_replayed(task: Task, optimum: Optimum) -> Optimum:
-    """Complete an optimum's certificate by `repeated`; states that do not repeat give way to those of a replay.
+    """Complete an optimum's certificate: `repeated`, and of an extremal on exact arcs the adjoint equations' error.
+
+    States that do not repeat give way to those of a replay.
 
     Args:
         task: the problem and its settings.
@@ -130,21 +123,10 @@ def as_replayed(task: Task, optimum: Optimum) -> Optimum:
     if not certificate.repeats and (replay := replay_of(task, motion)).t[-1] == motion.t[-1]:
         motion = replace(replay, name=motion.name)
         certificate = repeated(task.problem, motion, optimum.certificate)
+    if optimum.phases is not None and certificate.adjoint_error is None and certificate.extremal:
+        error = adjoint_error(task.problem.robot, motion, optimum.phases)
+        certificate = replace(certificate, adjoint_error=error)
     return replace(optimum, trajectory=motion, certificate=certificate)
-
-
-def with_adjoint_check(task: Task, optimum: Optimum) -> Optimum:
-    """Add the adjoint equations' error to an extremal's certificate, unless it is known.
-
-    Args:
-        task: the problem and its settings.
-        optimum: a landed optimum.
-    """
-    known = optimum.certificate.adjoint_error is not None
-    if optimum.phases is None or known or not optimum.certificate.extremal:
-        return optimum
-    error = adjoint_error(task.problem.robot, optimum.trajectory, optimum.phases)
-    return replace(optimum, certificate=replace(optimum.certificate, adjoint_error=error))
 
 
 def trajectory_cost(motion: Trajectory, weight: ArrayLike) -> float:
@@ -210,13 +192,13 @@ class MeshMargins:
             optimum: motion of a mesh with these margins.
             torque: the new margin of torques, as a part of the limits.
         """
-        velocity, position = excess(task, optimum)
+        velocity, position = excess(task.problem.limits, optimum.trajectory)
         return type(self)(self.velocity + velocity, self.position + position, torque)
 
 
-def excess(task: Task, optimum: Optimum) -> tuple[float, float]:
+def excess(limits: JointLimits, motion: Trajectory) -> tuple[float, float]:
     """Excess over limits of velocity and of position, as parts of these; 0 for positions within tolerance."""
-    _, velocity, position = (one.share for one in excesses(task.problem.limits, optimum.trajectory))
+    _, velocity, position = (one.share for one in excesses(limits, motion))
     return velocity, position if position > LIMIT_TOLERANCE else 0.0
 
 
@@ -231,16 +213,16 @@ def slowed(task: Task, optimum: Optimum) -> Optimum:
         task: the problem and its settings.
         optimum: a replayed and certified optimum.
     """
-    numbers, factor = task.policy.path_constraints, least_slowing(task, optimum)
+    numbers, factor = task.policy.path_constraints, least_slowing(task.problem, optimum)
     if factor == 1 or not (np.isfinite(factor) and can_be_slowed(task.problem)):
         return optimum
-    if not optimum.landed:
+    if not optimum.certificate.lands:
         return optimum
     path, whole = replay_of(task, dense(optimum.trajectory, numbers.slow_samples)), 1.0
     for _ in range(numbers.rounds):
         whole *= factor
         found = _at_pace(task, optimum, path, whole)
-        factor = least_slowing(task, found)
+        factor = least_slowing(task.problem, found)
         away = optimum.certificate.goal_error + SEGMENT_TOLERANCE  # from the path's end
         lost = found.certificate.goal_error > max(GOAL_TOLERANCE, away)
         if factor == 1 and not lost:
@@ -250,12 +232,12 @@ def slowed(task: Task, optimum: Optimum) -> Optimum:
     return optimum
 
 
-def least_slowing(task: Task, optimum: Optimum) -> float:
+def least_slowing(problem: MinimumTimeProblem, optimum: Optimum) -> float:
     """Factor on the duration for which the motion satisfies all limits; 1 if it does already, inf if unknown."""
-    limits, motion = task.problem.limits, optimum.trajectory
+    limits, motion = problem.limits, optimum.trajectory
     if excesses(limits, motion)[2].share > LIMIT_TOLERANCE:
         return np.inf
-    return max(optimum.reports.slowing, least_factor(task.problem.robot, limits, motion, LIMIT_TOLERANCE))
+    return max(optimum.reports.slowing, least_factor(problem.robot, limits, motion, LIMIT_TOLERANCE))
 
 
 def _at_pace(task: Task, optimum: Optimum, path: Trajectory, factor: float) -> Optimum:

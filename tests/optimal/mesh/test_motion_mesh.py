@@ -59,7 +59,7 @@ def test_a_reserve_of_velocity_is_a_lower_velocity_limit():
 def test_a_motion_that_exceeds_a_limit_on_a_mesh_that_is_not_divided_keeps_further_within():
     once = {"rounds": 2, "further_meshes": 0}
     coarse, within = (optimum_of(task_of(**once, **more)) for more in ({"kept": ()}, {}))
-    assert coarse.certificate.on_goal and not coarse.within_limits
+    assert coarse.certificate.on_goal and not coarse.certificate.keeps_limits
     assert within.certificate.usable and within.intervals == coarse.intervals
     # It is slower by about the excess, and by 1.5 times the torque that is kept.
     assert 1 < within.trajectory.duration / coarse.trajectory.duration < 1 + 3e-4

@@ -69,9 +69,9 @@ def test_a_mesh_that_exceeds_a_velocity_limit_is_slowed_down_and_lands():
     off = replace(beside, certificate=replace(beside.certificate, landing=1e-5))
     assert slowed(task, off) is off  # a motion that does not land is not slowed down
     landing = optimum_of(problem, replay_of(task, landed(task, mesh).trajectory(problem.robot.joint_names)))
-    assert landing.certificate.on_goal and not landing.within_limits
+    assert landing.certificate.on_goal and not landing.certificate.keeps_limits
     kept = slowed(task, landing)
-    assert kept.within_limits and kept.certificate.on_goal
+    assert kept.certificate.keeps_limits and kept.certificate.on_goal
     assert 1 < kept.trajectory.duration / landing.trajectory.duration < 1.01
 
 
@@ -81,9 +81,9 @@ def test_arcs_that_exceed_a_velocity_limit_are_slowed_down_by_as_much(excess):
     motion = ad.replay_torques(solution.problem.robot, dense(solution.trajectory, 2000))
     problem = solution.problem.variant(velocity_limit=np.max(np.abs(motion.v), axis=0) / (1 + excess))
     arcs = optimum_of(problem, solution.trajectory, solution.phases)
-    assert not arcs.within_limits
+    assert not arcs.certificate.keeps_limits
     kept = slowed(Task.of(problem), arcs)
-    assert kept.within_limits and kept.certificate.on_goal and kept.phases is None
+    assert kept.certificate.keeps_limits and kept.certificate.on_goal and kept.phases is None
     assert kept.trajectory.duration / solution.duration - 1 == pytest.approx(excess, rel=0.05, abs=TOLERANCE)
     (speeds, _, _), end = peaks(problem.robot, kept.trajectory)
     assert np.all(speeds <= (1 + TOLERANCE) * problem.limits.velocity)
@@ -105,9 +105,9 @@ def test_other_strategies_end_in_the_same_slowing(options):
     (speeds, accelerations, _), _ = peaks(free.problem.robot, motion)
     problem = free.problem.variant(velocity_limit=speeds / (1 + 2.8e-5), acceleration_limit=accelerations / (1 + 1e-4))
     before = optimum_of(problem, motion)
-    assert not before.within_limits and before.missed
+    assert not before.certificate.keeps_limits and before.missed
     after = slowed(Task.of(problem), before)
-    assert after.within_limits and not after.missed
+    assert after.certificate.keeps_limits and not after.missed
     assert after.certificate.goal_error <= before.certificate.goal_error + 2e-7  # the path's own error
     assert 1e-5 < after.trajectory.duration / motion.duration - 1 < 1e-4  # half of the acceleration's excess
     (speeds, accelerations, _), _ = peaks(problem.robot, after.trajectory)
@@ -121,7 +121,7 @@ def test_a_motion_that_slowing_down_does_not_mend_stays_unchanged(options):
     limit = np.max(np.abs(solution.trajectory.v)) / 1.01
     problem = solution.problem.variant(velocity_limit=limit)
     mending = slowed(Task.of(problem), optimum_of(problem, solution.trajectory))
-    assert mending.within_limits
+    assert mending.certificate.keeps_limits
     options = {"q_goal": [0.14, -0.03]} | options if "position_limit" in options else options
     other = problem.variant(**options)
     left = optimum_of(other, solution.trajectory)
