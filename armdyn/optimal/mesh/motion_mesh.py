@@ -152,7 +152,12 @@ def on_finer_meshes(
         settled: gain by a mesh, as a part of the duration, that ends them.
     """
     near, numbers = attempt, task.policy.motion_mesh
-    for _ in range(numbers.rounds):
+    for k in range(numbers.rounds):
+        if k:
+            more = finer(near)
+            if more.size == knots.size or more.size > numbers.most:
+                return
+            knots = more
         found = solve(near.trajectory, knots)
         slower = found.cost > (1 + numbers.slower) * near.cost
         if not found.usable or slower or task.stop:
@@ -160,10 +165,7 @@ def on_finer_meshes(
         yield found
         if found.cost > (1 - settled) * near.cost:
             return
-        near, more = found, finer(found)
-        if more.size == knots.size or more.size > numbers.most:
-            return
-        knots = more
+        near = found
 
 
 def finer_knots(task: Task, attempt: Attempt) -> Array:
