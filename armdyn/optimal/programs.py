@@ -112,15 +112,15 @@ def build_mesh(
     constraints = TightenedConstraints.of(task)
     data = assemble_mesh(task, guess or spline(task.problem, []), intervals, constraints)
     nlp = build_nlp(task.dynamics, task.scheme, intervals, constraints.rows(task.problem))
-    layout, scales, n = data.layout, data.scales, task.problem.robot.nv
+    layout, by, n = data.layout, data.by, task.problem.robot.nv
     states, middles = layout.states(intervals), layout.middles(intervals)
     unknowns: _Unknowns = {
-        "q[{}]": (states[:, :n], scales.length),
-        "v[{}]": (states[:, n:], scales.speed),
-        "middle q[{}]": (middles[:, :n], scales.length),
-        "middle v[{}]": (middles[:, n:], scales.speed),
-        "tau[{}]": (layout.torques(intervals), scales.effort),
-        "T[{}]": (layout.times(intervals)[:, None], scales.time),
+        "q[{}]": (states[:, :n], by.length),
+        "v[{}]": (states[:, n:], by.speed),
+        "middle q[{}]": (middles[:, :n], by.length),
+        "middle v[{}]": (middles[:, n:], by.speed),
+        "tau[{}]": (layout.torques(intervals), by.effort),
+        "T[{}]": (layout.times(intervals)[:, None], by.time),
     }
     return _built(task, nlp, data, unknowns, lambda x: data.motion(x, task.problem.robot.joint_names))
 

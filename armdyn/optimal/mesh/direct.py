@@ -10,9 +10,9 @@ from armdyn.locks import cached_property
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.constraints.rows import StageRows, numbers_of, row_bounds
 from armdyn.optimal.mesh.assembly import CollocationInterval, Program, build_nlp
-from armdyn.optimal.mesh.ipopt import Ipopt, NlpData, ipopt_for
-from armdyn.optimal.mesh.layout import Layout
-from armdyn.optimal.mesh.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
+from armdyn.optimal.mesh.ipopt import Ipopt, NlpData, NlpResult, ipopt_for
+from armdyn.optimal.mesh.layout import Layout, Parameters, bounds, mesh, to_trajectory, to_unknowns, worst_defect
+from armdyn.optimal.mesh.starts import Guesses
 from armdyn.optimal.problem.options import Acceptable, SolverSettings
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status, Stop, Violation
@@ -144,19 +144,43 @@ class MeshNlpData(NlpData):
 
     Attributes:
         layout: layout of the unknowns.
-        legs: distribution of the intervals over the legs.
-        fractions: interval lengths over the leg's duration, shape (N,).
-        scales: scales of the unknowns.
+        legs: number of intervals of every leg between via points.
+        by: parameters of the interval's equations; fractions are of the legs.
     """
 
     layout: Layout
-    legs: Legs
-    fractions: Array
-    scales: Scales
+    legs: tuple[int, ...]
+    by: Parameters
 
     def motion(self, x: Array, joint_names: tuple[str, ...]) -> Trajectory:
         """The motion of unknowns."""
-        return to_trajectory(x, self.layout, self.fractions, self.scales, joint_names, self.legs.intervals)
+        return to_trajectory(x, self.layout, self.by, joint_names, self.legs)
+
+    def attempt(self, problem: MinimumTimeProblem, result: NlpResult, x: Array, defects: Array) -> Attempt:
+        """The result of a solver.
+
+        Args:
+            problem: the minimum-time problem.
+            result: the solver's result.
+            x: the unknowns.
+            defects: violation of every equation of motion, read if the solver did not converge.
+        """
+        N, motion = self.by.fraction.size, self.motion(x, problem.robot.joint_names)
+        ends = np.cumsum(self.legs)
+        own = np.maximum(x[self.layout.times(N)[np.append(0, ends[:-1])]] * self.by.time, 0)
+        times = np.append(0.0, np.cumsum(np.repeat(own, self.legs) * self.by.fraction))
+        landed = result.status is Status.SOLVED
+        return Attempt(
+            status=result.status,
+            message=result.message,
+            trajectory=motion,
+            intervals=N,
+            iterations=result.iterations,
+            worst_violation=None if landed else worst_defect(problem, self.layout, x, defects.reshape(N, -1), self.by),
+            passing=np.cumsum(own)[:-1],
+            knots=None if len(own) == 1 else times / times[-1],
+            effort=effort_cost(problem, motion),
+        )
 
 
 def assemble_mesh(
@@ -176,32 +200,23 @@ def assemble_mesh(
         constraints: tightened path constraints; None: not tightened.
         knots: knots of the mesh as parts of the duration, shape (intervals + 1,), via points among them; None: equal
             intervals in every leg.
-        tie: see `Scales.weights`.
+        tie: see `Parameters.sized`.
     """
-    problem, scales, layout = task.problem, Scales.of(task.problem, guess), Layout(task.dynamics.nv, task.scheme)
+    problem, layout, guesses = task.problem, Layout(task.dynamics.nv, task.scheme), Guesses.of(guess)
     constraints = TightenedConstraints.of(task) if constraints is None else constraints
     legs, rows = legs_of(problem, guess, intervals, knots), constraints.rows(problem)
     fractions = np.concatenate([np.diff(mesh(size)) for size in legs.intervals])
     if knots is not None:
         fractions = np.diff(knots) / np.add.reduceat(np.diff(knots), legs.knots - legs.intervals)[legs.of_interval]
-    weights = scales.weights(problem.effort_weight, tie)
-    lower, upper = bounds(problem, layout, intervals, scales)
+    (by,) = Parameters.sized(task, guesses, fractions, tie).each()
+    lower, upper = (side[0] for side in bounds(problem, layout, by))
     shares = fractions * (legs.durations / legs.durations.sum())[legs.of_interval]
-    parameters = scales.parameters(fractions, weights, task.dynamics.last_body)
-    x = to_unknowns(guess, layout, shares, scales)
-    _fix_legs(problem, layout, legs, constraints, scales, x, (lower, upper))
+    x = to_unknowns(guesses, layout, replace(by, fraction=shares))[0]
+    _fix_legs(problem, layout, legs, constraints, by, x, (lower, upper))
     sides = row_bounds(rows, CollocationInterval(task.dynamics, task.scheme), intervals)
     lbg, ubg = (np.concatenate(both) for both in zip(_equations(layout, legs), sides, strict=True))
-    return MeshNlpData(
-        x=np.clip(x, lower, upper),
-        p=np.concatenate([parameters, numbers_of(rows)]),
-        x_bounds=(lower, upper),
-        g_bounds=(lbg, ubg),
-        layout=layout,
-        legs=legs,
-        fractions=fractions,
-        scales=scales,
-    )
+    p = np.concatenate([by.packed(), numbers_of(rows)])
+    return MeshNlpData(np.clip(x, lower, upper), p, (lower, upper), (lbg, ubg), layout, legs.intervals, by)
 
 
 def solve_on_mesh(
@@ -223,34 +238,19 @@ def solve_on_mesh(
         constraints: tightened path constraints; None: not tightened.
         knots: knots of the mesh as parts of the duration, shape (intervals + 1,), via points among them; None: equal
             intervals in every leg.
-        tie: see `Scales.weights`.
+        tie: see `Parameters.sized`.
     """
     if task.stop:
         return Attempt.unbegun(task.stop, guess, intervals)
-    problem = task.problem
     constraints = TightenedConstraints.of(task) if constraints is None else constraints
-    solver = _solver(task, intervals, settings, constraints.rows(problem))
+    solver = _solver(task, intervals, settings, constraints.rows(task.problem))
     data = assemble_mesh(task, guess, intervals, constraints, knots, tie)
-    result = solver.solve(data, task.stop)
-    x, (lbg, ubg), layout, scales = result.x, data.g_bounds, data.layout, data.scales
-    g = solver.equations(x, data.p)
-    landed = result.status is Status.SOLVED
+    result, (lbg, ubg) = solver.solve(data, task.stop), data.g_bounds
+    g = solver.equations(result.x, data.p)
     # Rows after the equations of motion are not checked.
-    beyond = np.maximum(g - ubg, lbg - g)[: intervals * layout.rows].reshape(intervals, -1)
-    own = np.maximum(x[layout.times(intervals)[np.append(0, data.legs.knots[:-1])]] * scales.time, 0)
-    times = np.append(0.0, np.cumsum(own[data.legs.of_interval] * data.fractions))
-    motion = data.motion(x, problem.robot.joint_names)
-    return Attempt(
-        status=result.status,
-        message=result.message,
-        trajectory=motion,
-        intervals=intervals,
-        iterations=result.iterations,
-        worst_violation=None if landed else worst_defect(problem, layout, x, beyond, data.fractions, scales),
-        passing=np.cumsum(own)[:-1],
-        knots=knots if len(own) == 1 else times / times[-1],
-        effort=effort_cost(problem, motion),
-    )
+    beyond = np.maximum(g - ubg, lbg - g)[: intervals * data.layout.rows]
+    attempt = data.attempt(task.problem, result, result.x, beyond)
+    return attempt if knots is None or len(data.legs) > 1 else replace(attempt, knots=knots)
 
 
 def _equations(layout: Layout, legs: Legs) -> tuple[Array, Array]:
@@ -265,7 +265,7 @@ def _fix_legs(
     layout: Layout,
     legs: Legs,
     constraints: TightenedConstraints,
-    scales: Scales,
+    by: Parameters,
     x: Array,
     sides: tuple[Array, Array],
 ) -> None:
@@ -273,14 +273,14 @@ def _fix_legs(
     (lower, upper), N = sides, int(legs.knots[-1])
     knots, times = layout.knots(N), layout.times(N)
     of_knot = np.append(legs.of_interval, legs.of_interval[-1])
-    x[times] = legs.durations[of_knot] / scales.time
-    lower[times] = np.maximum(problem.leg_bounds() / scales.time, 1e-3)[of_knot]
+    x[times] = legs.durations[of_knot] / by.time
+    lower[times] = np.maximum(problem.leg_bounds() / by.time, 1e-3)[of_knot]
     offsets = np.broadcast_to(constraints.offsets, (len(legs.intervals), layout.nv))
     for knot, q, offset in zip(legs.knots, problem.poses[1:], offsets, strict=True):
         place = knots[knot, layout.knot.q]
-        lower[place] = upper[place] = (q + offset) / scales.length
+        lower[place] = upper[place] = (q + offset) / by.length
     for bound in sides:
-        bound[knots[N, layout.knot.v]] += np.asarray(constraints.end_velocity) / scales.speed
+        bound[knots[N, layout.knot.v]] += np.asarray(constraints.end_velocity) / by.speed
 
 
 def prepare(task: Task, intervals: int, settings: SolverSettings) -> None:

@@ -13,10 +13,10 @@ import numpy as np
 from armdyn.arrays import Array, Flags, Index
 from armdyn.optimal.mesh.condensed import solve_on_knots
 from armdyn.optimal.mesh.direct import Attempt
+from armdyn.optimal.mesh.layout import mesh
 from armdyn.optimal.mesh.mesh_costates import MeshCostates, mesh_costates
 from armdyn.optimal.mesh.search import distinct
 from armdyn.optimal.mesh.shooting import Shooting, gaps, landed
-from armdyn.optimal.mesh.unknowns import mesh
 from armdyn.optimal.problem.options import Acceptable, SolverSettings
 from armdyn.optimal.problem.policy.policy import Policy
 from armdyn.optimal.problem.status import Status
@@ -65,7 +65,7 @@ class _Meshes:
     Attributes:
         task: the problem and its settings.
         work: the problem's budget.
-        tie: index of the weight of full torques in the last solution, see `Scales.weights`.
+        tie: index of the weight of full torques in the last solution, see `Parameters.sized`.
     """
 
     def __init__(self, task: Task, work: MeshWork) -> None:

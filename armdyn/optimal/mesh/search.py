@@ -15,8 +15,8 @@ import numpy as np
 
 from armdyn.optimal.mesh.condensed import guess_jobs, has_stagewise, prepare_quickly, solve_quickly
 from armdyn.optimal.mesh.direct import Attempt, solve_on_mesh
+from armdyn.optimal.mesh.layout import doubled
 from armdyn.optimal.mesh.starts import SAMPLES, Guesses, crossover, spline, splines, via_guesses
-from armdyn.optimal.mesh.unknowns import doubled
 from armdyn.optimal.problem.options import SolverSettings
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.rollout import replay_of

@@ -45,6 +45,11 @@ class Guesses:
         return np.asarray(self.t[:, -1])
 
     @classmethod
+    def of(cls, motion: Trajectory) -> Self:
+        """One guess, with a motion's samples."""
+        return cls(motion.t[None] - motion.t[0], motion.q[None], motion.v[None], motion.tau[None])
+
+    @classmethod
     def sampled(cls, motions: Sequence[Trajectory], samples: int) -> Self:
         """Sample motions at evenly spaced times, the same number for each."""
         t = [np.linspace(0, 1, samples) * motion.duration for motion in motions]

@@ -11,8 +11,8 @@ from scipy.sparse.linalg import spsolve
 
 from armdyn.dynamics import Dynamics
 from armdyn.optimal.mesh.assembly import build_nlp, scatter
-from armdyn.optimal.mesh.layout import Layout
-from armdyn.optimal.mesh.unknowns import Scales, to_unknowns
+from armdyn.optimal.mesh.layout import Layout, Parameters, to_unknowns
+from armdyn.optimal.mesh.starts import Guesses
 from armdyn.optimal.problem.options import Scheme
 from armdyn.trajectory import Trajectory
 from problems import paper_arm
@@ -51,14 +51,13 @@ def test_defects_vanish_on_a_motion_that_collocation_integrates_exactly(scheme):
     a = float(dynamics.aba([0.0], [0.0], [tau], dynamics.last_body)[0])
     motion = Trajectory(t, (-1 + a * t[:, None] ** 2 / 2), a * t[:, None], np.full((9, 1), tau))
     nlp, layout = build_nlp(dynamics, scheme, 8), Layout(dynamics.nv, scheme)
-    scales, fractions = Scales(0.4, 1.0, 2.5, np.array([3.0])), np.full(8, 1 / 8)
-    x = to_unknowns(motion, layout, fractions, scales)
-    parameters = scales.parameters(fractions, scales.weights(0.0), dynamics.last_body)
+    by = Parameters(np.full(8, 1 / 8), 0.4, 1.0, 2.5, np.zeros(1), np.array([3.0]), dynamics.last_body)
+    (x,) = to_unknowns(Guesses.of(motion), layout, by)
     g = ca.Function("g", [nlp.functions["x"], nlp.functions["p"]], [nlp.functions["g"], nlp.functions["f"]])
-    defects, cost = g(x, parameters)
+    defects, cost = g(x, by.packed())
     # Rounding of numbers of the order of one.
     assert np.max(np.abs(defects.full())) < 1e-14
-    assert float(cost) * scales.time == pytest.approx(0.4, rel=1e-14)
+    assert float(cost) * by.time == pytest.approx(0.4, rel=1e-14)
 
 
 SIZES = st.tuples(st.integers(1, 6), st.integers(1, 5))
@@ -97,13 +96,12 @@ def test_order_measured_through_the_nonlinear_program(control, swing):
     """With start, duration and torque held fixed the defects are an integrator, and have its order."""
     robot, exact = swing
     scheme, dynamics = Scheme(control), Dynamics(robot, free_last_body=True)
-    scales = Scales(exact.duration, 1.0, 10.0, np.array([3.0, 3.0]))
+    scales = (exact.duration, 1.0, 10.0, np.zeros(2), np.array([3.0, 3.0]), dynamics.last_body)
 
     def error(intervals):
         nlp, layout = build_nlp(dynamics, scheme, intervals), Layout(dynamics.nv, scheme)
-        fractions = np.full(intervals, 1 / intervals)
-        p = scales.parameters(fractions, scales.weights(0.0), dynamics.last_body)
-        x = to_unknowns(exact, layout, fractions, scales)
+        by = Parameters(np.full(intervals, 1 / intervals), *scales)
+        p, (x,) = by.packed(), to_unknowns(Guesses.of(exact), layout, by)
         free = np.ones(x.size, dtype=bool)
         free[layout.knots(intervals)[0]] = False  # the state and the duration at the start
         free[layout.torques(intervals)] = False
@@ -114,7 +112,7 @@ def test_order_measured_through_the_nonlinear_program(control, swing):
             if np.max(np.abs(step)) < 1e-12:  # the next one is at rounding: Newton's method is quadratic
                 break
         q, v = x[layout.states(intervals)[-1]].reshape(2, -1)
-        end = np.concatenate([scales.length * q, scales.speed * v])
+        end = np.concatenate([by.length * q, by.speed * v])
         return np.max(np.abs(end - [*exact.q[-1], *exact.v[-1]]))
 
     # Asymptotic, and above the 1e-11 to which the motion itself is known.

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from armdyn.optimal.mesh.condensed import condensed_starts
-from armdyn.optimal.mesh.layout import CondensedLayout, Layout
+from armdyn.optimal.mesh.condensed import assemble_condensed
+from armdyn.optimal.mesh.direct import assemble_mesh
+from armdyn.optimal.mesh.layout import mesh
 from armdyn.optimal.mesh.starts import Guesses, splines, via_guesses
-from armdyn.optimal.mesh.unknowns import Scales, bounds, mesh, to_unknowns
 from armdyn.optimal.problem.task import Task
 from problems import paper_problem
 
@@ -14,18 +14,13 @@ from problems import paper_problem
 @pytest.mark.parametrize("intervals", [15, 40])
 @pytest.mark.parametrize("arm", ["rr", "rrr"])
 def test_programs_of_many_guesses_are_those_of_each_to_the_last_bit(arm, intervals):
-    problem = paper_problem(arm)
-    layout = CondensedLayout(Layout(problem.robot.nv, Task.of(problem).scheme))
-    guesses = splines(problem, via_guesses(problem, 0, 12), 0.4)
-    starts = condensed_starts(problem, layout, guesses, intervals)
-    fractions, kept = np.diff(mesh(intervals)), layout.kept(intervals)
-    for k in range(12):
-        guess = guesses.motion(k, problem.robot.joint_names)
-        scales = Scales.of(problem, guess)
-        lower, upper = bounds(problem, layout.full, intervals, scales)
-        x = np.clip(to_unknowns(guess, layout.full, fractions, scales), lower, upper)
-        for own, alone in zip(starts, (x, lower, upper), strict=False):
-            np.testing.assert_array_equal(own[k], alone[kept])
+    task = Task.of(paper_problem(arm))
+    guesses = splines(task.problem, via_guesses(task.problem, 0, 12), 0.4)
+    several = assemble_condensed(task, guesses, mesh(intervals))
+    for k, own in enumerate(several):
+        alone = assemble_mesh(task, guesses.motion(k, task.problem.robot.joint_names), intervals)
+        for numbers, expected in ((own.x, alone.x), (own.p, alone.p), *zip(own.x_bounds, alone.x_bounds, strict=True)):
+            np.testing.assert_array_equal(numbers, expected)
 
 
 def test_motions_are_sampled_at_equal_parts_and_joined_in_order():

@@ -1,13 +1,12 @@
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.mesh.condensed import solve_quickly
+from armdyn.optimal.mesh.condensed import guess_jobs, solve_quickly
 from armdyn.optimal.mesh.direct import solve_on_mesh
-from armdyn.optimal.mesh.starts import spline
+from armdyn.optimal.mesh.starts import Guesses, spline
 from armdyn.optimal.problem.options import Scheme, SolverSettings
 from armdyn.optimal.problem.status import Stop
 from armdyn.optimal.problem.task import Task
@@ -17,15 +16,18 @@ TIGHT = SolverSettings(1e-9, 500, barrier=1e-2)
 CONSTANT = Scheme("constant")
 
 
-solve_condensed = partial(solve_quickly, between=False)
+def solve_condensed(task, guess, intervals, settings):
+    """Without limits between the knots, as in the search."""
+    (job,) = guess_jobs(task, Guesses.of(guess), [(intervals, settings)])
+    return job(task)
 
 
-def solve(solver, problem, scheme=CONSTANT, guess=None, intervals=20, options=TIGHT, stop=None):
-    return solver(task(problem, scheme, stop), guess or spline(problem, []), intervals, options)
+def solve(solver, problem, guess=None, intervals=20, options=TIGHT, stop=None):
+    return solver(task(problem, stop), guess or spline(problem, []), intervals, options)
 
 
-def task(problem, scheme=CONSTANT, stop=None):
-    return replace(Task.of(problem, stop=stop), scheme=scheme)
+def task(problem, stop=None):
+    return replace(Task.of(problem, stop=stop), scheme=CONSTANT)
 
 
 @pytest.mark.parametrize("weight", [0.0, 0.01])

@@ -8,15 +8,13 @@ from hypothesis import strategies as st
 
 from armdyn.dynamics import Dynamics
 from armdyn.optimal.mesh.assembly import interval_functions
-from armdyn.optimal.mesh.condensed import build_condensed
-from armdyn.optimal.mesh.layout import CondensedLayout, Layout, Parameters
+from armdyn.optimal.mesh.layout import Layout, Parameters
 from armdyn.optimal.problem.options import Scheme
 from problems import paper_arm
 
 CONTROLS = ["linear", "constant"]
 SCHEMES = st.builds(Scheme, st.sampled_from(CONTROLS))
 LAYOUTS = st.builds(Layout, st.integers(1, 7), SCHEMES)
-CONSTANT = Scheme("constant", compile=False)
 
 
 def places(fields, *names):
@@ -69,26 +67,15 @@ def test_equations_by_their_names():
     assert layout.equation(layout.rows - 2) == ("velocity defect", 1)
 
 
-def test_condensed_unknowns_are_the_others_without_middles_and_repeated_times():
-    full, N = Layout(3, CONSTANT), 4
-    layout, x = CondensedLayout(full), np.arange(full.size(N), dtype=float)
-    x[full.times(N)] = -1.0
-    w, middles = x[layout.kept(N)], x[full.middles(N)].T
-    np.testing.assert_array_equal(layout.expanded(w, middles), x)
-    # An interval's are those of its knots, its torque, and the time.
-    for own, whole in zip(layout.intervals(N).T, full.intervals(N).T, strict=True):
-        left, torque, right, time = layout.parts(w[own])
-        begin, _, end = full.parts(x[whole])
-        np.testing.assert_array_equal(left, begin[full.knot.state])
-        np.testing.assert_array_equal(right, end[full.knot.state])
-        np.testing.assert_array_equal(torque, x[whole][full.knot.size + 6 : full.block])
-        assert time == -1.0
-
-
-def test_the_condensed_program_has_its_layouts_size():
-    nlp = build_condensed(Dynamics(paper_arm("rr"), free_last_body=True), CONSTANT, 5)
-    assert nlp.functions["x"].numel() == CondensedLayout(Layout(2, CONSTANT)).kept(5).size
-    assert nlp.functions["p"].numel() == Parameters.size(2, 5)
+@given(st.integers(1, 7), st.integers(1, 5))
+def test_condensed_unknowns_are_the_others_without_middles_and_repeated_times(joints, N):
+    layout = Layout(joints, Scheme("constant"))
+    kept, knots, torques = layout.condensed(N), layout.knots(N), layout.torques(N)
+    expected = [part for k in range(N) for part in (knots[k, layout.knot.state], torques[k])]
+    expected += [knots[N, layout.knot.state], [layout.knot.time]]
+    np.testing.assert_array_equal(kept, np.concatenate(expected))
+    left_out = np.concatenate([layout.middles(N).ravel(), layout.times(N)[1:]])
+    np.testing.assert_array_equal(np.sort(np.append(kept, left_out)), np.arange(layout.size(N)))
 
 
 @given(st.integers(1, 7), st.integers(1, 5))

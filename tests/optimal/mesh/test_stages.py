@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 
 from armdyn.dynamics import Dynamics
-from armdyn.optimal.mesh.condensed import build_condensed
 from armdyn.optimal.mesh.stages import StageFunctions
-from armdyn.optimal.problem.options import Scheme
+from optimal.mesh.condensed_program import condensed_program
 from problems import paper_arm
 
 
@@ -30,7 +29,7 @@ def test_values_and_derivatives_of_an_interval(arm):
     found = one.assemble(y, lam, nu, *ends[0], *at_middle, *ends[1], p)
 
     # The program of one interval: its unknowns are y, its parameters p.
-    program = build_condensed(dynamics, Scheme("constant", compile=False), 1)
+    program = condensed_program(dynamics, 1)
     defects, jacobian = program.jacobian(y, p)
     x, q, cost = (program.functions[name] for name in "xpf")
     f = ca.Function("f", [x, q], [cost])

@@ -13,7 +13,7 @@ from armdyn.codegen.lanes import UnwrittenError, in_lanes, prelude, table
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.optimal.mesh.ipopt import POLL, STATUS, NlpData, NlpResult
-from armdyn.optimal.mesh.layout import CondensedLayout, Layout, Parameters
+from armdyn.optimal.mesh.layout import Parameters
 from armdyn.optimal.mesh.stages import StageFunctions
 from armdyn.optimal.problem.options import Scheme, SolverSettings
 from armdyn.optimal.problem.status import Status, Stop
@@ -122,13 +122,13 @@ class Stagewise:
 
     Attributes:
         library: C library of the arm.
-        layout: layout of the unknowns, equations and parameters.
+        joints: number of joints.
         intervals: number of intervals.
         settings: tolerance, iteration limit, barrier, push, verbosity.
     """
 
     library: ctypes.CDLL
-    layout: CondensedLayout
+    joints: int
     intervals: int
     settings: SolverSettings
 
@@ -147,7 +147,7 @@ class Stagewise:
         library = stagewise_library(dynamics, scheme.compile)
         if library is None:
             return None
-        return cls(library, CondensedLayout(Layout(dynamics.nv, scheme)), intervals, settings)
+        return cls(library, dynamics.nv, intervals, settings)
 
     def solve(self, data: NlpData, stop: Stop, middles: tuple[Array, Array] | None = None) -> NlpResult:
         """Solve one program.
@@ -155,16 +155,16 @@ class Stagewise:
         Args:
             data: the program in numbers; first and last state have equal bounds, all equations are zero.
             stop: stopping condition, polled every few iterations.
-            middles: lower and upper bounds of the states in the middle of the intervals, each of shape (2 nv, N); None:
+            middles: lower and upper bounds of the states in the middle of the intervals, each of shape (N, 2 nv); None:
                 no bounds.
 
         Raises:
             MemoryError: out of memory.
         """
-        size, rows, x = len(data.x), self._equations, data.x
+        size, rows, x = len(data.x), 2 * self.joints * self.intervals, data.x
         lower, upper = data.x_bounds
         if middles is not None:
-            lower, upper = np.append(lower, middles[0].T), np.append(upper, middles[1].T)
+            lower, upper = np.append(lower, middles[0]), np.append(upper, middles[1])
         slacks, count = len(lower) - size, ctypes.c_int()
         w, z, lam = np.append(x, np.zeros(slacks)), np.zeros(size + slacks), np.zeros(rows + slacks)
         given = [np.ascontiguousarray(numbers, dtype=float) for numbers in (data.p, lower, upper)]
@@ -188,13 +188,12 @@ class Stagewise:
         word, found = _STATUSES[code], (w[:size], z[:size], lam[:rows])
         return NlpResult.of(STATUS.get(word, Status.FAILED), word.replace("_", " "), stop, count.value, data, found)
 
-    def equations(self, x: Array, p: Array) -> Array:
-        """Values of the program's equations at unknowns and parameters."""
-        return self._values(x, p)[0]
-
-    def middles(self, x: Array, p: Array) -> Array:
-        """States in the middle of the intervals, one column each, shape (2 nv, N)."""
-        return self._values(x, p)[1].reshape(self.intervals, -1).T
+    def values(self, x: Array, p: Array) -> tuple[Array, Array]:
+        """Defects, shape (2 nv N,), and states in the middle of the intervals, shape (N, 2 nv)."""
+        equations, middles = np.empty((2, 2 * self.joints * self.intervals))
+        given = [np.ascontiguousarray(numbers, dtype=float) for numbers in (p, x)]
+        self.library.values_at(self.intervals, *map(_pointer, (*given, equations, middles)))
+        return equations, middles.reshape(self.intervals, -1)
 
     @property
     def _settings(self) -> Settings:
@@ -205,16 +204,6 @@ class Stagewise:
             still, after = (0.0, 0) if accepted.cost is None else (accepted.cost, accepted.after)
         push = own.push or 0.0
         return Settings(own.tolerance, own.barrier, push, close, still, own.convex, own.max_iterations, after)
-
-    @property
-    def _equations(self) -> int:
-        return 2 * self.layout.full.nv * self.intervals
-
-    def _values(self, x: Array, p: Array) -> tuple[Array, Array]:
-        equations, middles = np.empty(self._equations), np.empty(self._equations)
-        given = [np.ascontiguousarray(numbers, dtype=float) for numbers in (p, x)]
-        self.library.values_at(self.intervals, *map(_pointer, (*given, equations, middles)))
-        return equations, middles
 
 
 def _pointer(numbers: Array) -> int:

@@ -7,15 +7,16 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.mesh.condensed import solve_on_knots, solve_quickly
+from armdyn.optimal.mesh.condensed import assemble_condensed, guess_jobs, solve_on_knots, solve_quickly
 from armdyn.optimal.mesh.direct import solve_on_mesh
-from armdyn.optimal.mesh.ipopt import NlpData
+from armdyn.optimal.mesh.ipopt import Ipopt, NlpData
+from armdyn.optimal.mesh.layout import mesh
 from armdyn.optimal.mesh.stagewise.solver import Stagewise
-from armdyn.optimal.mesh.starts import spline, via_guesses
-from armdyn.optimal.mesh.unknowns import Scales, bounds, mesh, to_unknowns
+from armdyn.optimal.mesh.starts import Guesses, spline, splines, via_guesses
 from armdyn.optimal.problem.options import Acceptable, Scheme, SolverSettings
 from armdyn.optimal.problem.status import Stop
 from armdyn.optimal.problem.task import Task
+from optimal.mesh.condensed_program import condensed_program
 from problems import paper_problem
 
 pytestmark = pytest.mark.skipif(not shutil.which("cc"), reason="there is no C compiler")
@@ -37,27 +38,25 @@ def data(start, p, sides):
 
 def program(task):
     """Start, parameters and bounds of the straight guess's program."""
-    problem, guess = task.problem, spline(task.problem, [])
-    scales, fractions = Scales.of(problem, guess), np.diff(mesh(N))
-    layout = solver(task).layout
-    kept = layout.kept(N)
-    parameters = scales.parameters(fractions, scales.weights(0.0), task.dynamics.last_body)
-    lower, upper = bounds(problem, layout.full, N, scales)
-    return to_unknowns(guess, layout.full, fractions, scales)[kept], parameters, (lower[kept], upper[kept])
+    (data,) = assemble_condensed(replace(task, scheme=CONSTANT), Guesses.of(spline(task.problem, [])), mesh(N))
+    kept = data.layout.condensed(N)
+    lower, upper = data.x_bounds
+    return data.x[kept], data.p, (lower[kept], upper[kept])
 
 
 @pytest.mark.parametrize("arm", ["r", "rr", "rrr"])
 def test_ipopts_iterations_to_ipopts_optimum(arm):
     task = Task.of(paper_problem(arm, effort_weight=0.001))
-    own, other = (
-        solve_quickly(replace(task, scheme=replace(CONSTANT, compile=ask)), spline(task.problem, []), N, TIGHT)
-        for ask in (True, False)
-    )
+    start, p, sides = program(task)
+    equal = np.zeros(2 * task.problem.robot.nv * N)
+    numbers = NlpData(start, p, sides, (equal, equal))
+    own = solver(task).solve(numbers, Stop())
+    other = Ipopt(condensed_program(task.dynamics, N), TIGHT).solve(numbers, Stop())
     assert own.status is other.status is ad.Status.SOLVED and own.message == other.message == "Solve Succeeded"
     assert own.iterations == other.iterations
     # Newton's steps are the same but for rounding.
-    assert own.trajectory.duration == pytest.approx(other.trajectory.duration, rel=1e-10)
-    np.testing.assert_allclose(own.trajectory.q, other.trajectory.q, atol=1e-7)
+    assert own.x[-1] == pytest.approx(other.x[-1], rel=1e-10)
+    np.testing.assert_allclose(own.x, other.x, atol=1e-7)
 
 
 @pytest.mark.parametrize("kind", [{"velocity_limit": 12.0}, {"position_limit": ((-1.7, -2.0), (1.7, 2.0))}])
@@ -81,11 +80,11 @@ def test_multipliers_are_those_of_the_solution():
     start, p, sides = program(task)
     own = solver(task)
     found = own.solve(data(start, p, sides), Stop())
-    np.testing.assert_allclose(own.equations(found.x, p), 0, atol=TIGHT.tolerance)
+    np.testing.assert_allclose(own.values(found.x, p)[0], 0, atol=TIGHT.tolerance)
     # Along T the Lagrangian, T + λ'c, is flat; its slope by differences, whose error is 1e-6² and rounding over 1e-6.
     step = np.zeros(found.x.size)
     step[-1] = 1e-6
-    rise = own.equations(found.x + step, p) - own.equations(found.x - step, p)
+    rise = own.values(found.x + step, p)[0] - own.values(found.x - step, p)[0]
     assert 1 + found.lam_g @ rise / 2e-6 + found.lam_x[-1] == pytest.approx(0, abs=1e-6)
     held = (found.x > sides[1] - 1e-6) & (sides[0] < sides[1])  # torques at their upper limit
     assert held.any() and np.all(found.lam_x[held] > 0)
@@ -93,12 +92,9 @@ def test_multipliers_are_those_of_the_solution():
 
 def test_every_guess_of_a_search_converges_back_from_where_the_filter_stops():
     task = replace(Task.of(paper_problem("rrr")), scheme=CONSTANT)
-    ways = via_guesses(task.problem, 0, 24)
-    attempts = [
-        solve_quickly(task, spline(task.problem, way), 15, task.coarse()[k % 2], between=False)
-        for k, way in enumerate(ways)
-    ]
-    assert all(attempt.usable for attempt in attempts)
+    guesses = splines(task.problem, via_guesses(task.problem, 0, 24))
+    jobs = guess_jobs(task, guesses, [(15, task.coarse()[k % 2]) for k in range(24)])
+    assert all(job(task).usable for job in jobs)
 
 
 def test_an_infeasible_program_is_called_infeasible():
@@ -112,12 +108,12 @@ def test_an_infeasible_program_is_called_infeasible():
 def test_a_joint_that_is_held_back_entirely():
     task = Task.of(paper_problem("rr"))
     start, p, (lower, upper) = program(task)
-    torques = solver(task).layout.full.nv * 2 + np.arange(N) * 6 + 1  # the second joint's
+    torques = solver(task).joints * 2 + np.arange(N) * 6 + 1  # the second joint's
     lower[torques] = upper[torques] = 0.0
     found = solver(task).solve(data(start, p, (lower, upper)), Stop())
     assert found.status is ad.Status.SOLVED
     np.testing.assert_array_equal(found.x[torques], 0)
-    np.testing.assert_allclose(solver(task).equations(found.x, p), 0, atol=TIGHT.tolerance)
+    np.testing.assert_allclose(solver(task).values(found.x, p)[0], 0, atol=TIGHT.tolerance)
 
 
 def test_no_numbers():

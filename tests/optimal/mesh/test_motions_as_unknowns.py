@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from armdyn.optimal.mesh.layout import Layout
-from armdyn.optimal.mesh.starts import spline
-from armdyn.optimal.mesh.unknowns import Scales, bounds, to_trajectory, to_unknowns
+from armdyn.optimal.mesh.layout import Layout, Parameters, bounds, to_trajectory, to_unknowns
+from armdyn.optimal.mesh.starts import Guesses, spline
 from armdyn.optimal.problem.options import Scheme
+from armdyn.optimal.problem.task import Task
 from armdyn.trajectory import Trajectory
 from problems import paper_problem
 
@@ -31,8 +31,12 @@ def cubic(coefficients, t):
     return Trajectory(t, q, v, np.tile(coefficients[:, 0], (t.size, 1)))
 
 
+def parameters(fractions, time, length, speed, effort):
+    return Parameters(fractions, time, length, speed, np.zeros(2), effort, np.zeros(10))
+
+
 FRACTIONS = st.lists(st.floats(0.2, 1), min_size=N, max_size=N).map(lambda x: np.array(x) / np.sum(x))
-SCALES = st.builds(Scales, *3 * [st.floats(0.2, 5)], st.tuples(*2 * [st.floats(0.2, 5)]).map(np.array))
+SCALES = st.tuples(*3 * [st.floats(0.2, 5)], st.tuples(*2 * [st.floats(0.2, 5)]).map(np.array))
 COEFFICIENTS = st.lists(st.floats(-2, 2), min_size=8, max_size=8).map(lambda x: np.reshape(x, (2, 4)))
 
 
@@ -43,9 +47,10 @@ def test_there_and_back_is_the_same_motion(scheme, fractions, scales, coefficien
     """On any mesh, in any scales."""
     motion = cubic(coefficients, duration * np.array([0.0, 0.4, 1.0]))
     layout = layout_of(scheme)
-    x = to_unknowns(motion, layout, fractions, scales)
+    by = parameters(fractions, *scales)
+    (x,) = to_unknowns(Guesses.of(motion), layout, by)
     assert x.size == layout.size(N)
-    back = to_trajectory(x, layout, fractions, scales, ("a", "b"))
+    back = to_trajectory(x, layout, by, ("a", "b"))
     assert back.duration == pytest.approx(duration, rel=1e-13)
     at = np.linspace(0, duration, 25)
     # Scaling there and back, and a cubic through samples that are a twentieth of the duration apart.
@@ -60,9 +65,9 @@ def test_unknowns_and_back(scheme):
     t = np.linspace(0, 1, 7)
     tau = np.repeat(random.normal(size=(1, 2)), 7, axis=0)  # constant, so that every control can say it
     motion = Trajectory(t, random.normal(size=(7, 2)), random.normal(size=(7, 2)), tau)
-    scales, fractions = Scales(1.0, 2.0, 3.0, np.array([3.0, 4.0])), np.full(6, 1 / 6)
+    by = parameters(np.full(6, 1 / 6), 1.0, 2.0, 3.0, np.array([3.0, 4.0]))
     layout = layout_of(scheme)
-    back = to_trajectory(to_unknowns(motion, layout, fractions, scales), layout, fractions, scales, ())
+    back = to_trajectory(to_unknowns(Guesses.of(motion), layout, by)[0], layout, by, ())
     # Scaling there and back: an ulp or two.
     np.testing.assert_allclose(back(t).q, motion.q, atol=1e-14)
     np.testing.assert_allclose(back(t).v, motion.v, atol=1e-12)
@@ -72,10 +77,10 @@ def test_unknowns_and_back(scheme):
 @pytest.mark.parametrize("scheme", SCHEMES, ids=str)
 def test_a_guess_is_within_the_bounds_and_its_ends_are_fixed(scheme):
     problem = paper_problem("rr", velocity_limit=[15.0, 20.0])
-    guess, layout = spline(problem, []), layout_of(scheme)
-    scales = Scales.of(problem, guess)
-    lower, upper = bounds(problem, layout, N, scales)
-    x = to_unknowns(guess, layout, np.full(N, 1 / N), scales)
+    guess, layout = Guesses.of(spline(problem, [])), layout_of(scheme)
+    (scales,) = Parameters.sized(Task.of(problem), guess, np.full(N, 1 / N)).each()
+    (lower,), (upper,) = bounds(problem, layout, scales)
+    (x,) = to_unknowns(guess, layout, scales)
     # Start and goal are divided by a scale once and multiplied once.
     assert np.all(lower - 1e-12 <= x) and np.all(x <= upper + 1e-12)
     knots_lower, knots_upper = (side[layout.knots(N)] for side in (lower, upper))
@@ -88,7 +93,9 @@ def test_a_guess_is_within_the_bounds_and_its_ends_are_fixed(scheme):
 
 
 def test_weights_of_torques():
-    scales = Scales(1.0, 1.0, 1.0, np.array([2.0, 3.0]))
+    problem = paper_problem("rr", effort_limit=[2.0, 3.0], effort_weight=0.5)
+    guess = Guesses.of(spline(problem, []))
     # w τ² of a torque at its scale; a tie costs every joint the same, half of each weight, one in all.
-    np.testing.assert_allclose(scales.weights(0.5), [2.0, 4.5])
-    assert scales.weights(0.0, tie=0.1).sum() / 2 == pytest.approx(0.1)
+    np.testing.assert_allclose(Parameters.sized(Task.of(problem), guess, np.ones(1)).weights, [2.0, 4.5])
+    tied = Parameters.sized(Task.of(problem.variant(effort_weight=0.0)), guess, np.ones(1), tie=0.1)
+    assert tied.weights.sum() / 2 == pytest.approx(0.1)
