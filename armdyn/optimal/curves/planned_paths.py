@@ -132,7 +132,7 @@ def refined_paths(task: Task, planned: Iterator[LegPaths]) -> list[RefinedCurve]
     """
     numbers, spec = task.policy.sequential, CurveSpec(TightenedConstraints.of(task))
     best, iterations, bound = None, 0, task.problem.duration_bound()
-    for guess in _guesses(task, planned):
+    for guess in guesses_along(task, planned):
         if task.stop or (best and best.converged and best.curve.duration < numbers.near_bound * bound):
             break
         solved = solve_sequentially(task, guess, spec, numbers.enough)
@@ -147,7 +147,7 @@ def refined_paths(task: Task, planned: Iterator[LegPaths]) -> list[RefinedCurve]
     return [replace(refined, iterations=iterations + refined.iterations)]
 
 
-def _guesses(task: Task, planned: Iterator[LegPaths]) -> Iterator[Curve]:
+def guesses_along(task: Task, planned: Iterator[LegPaths]) -> Iterator[Curve]:
     """Curves along the first path and the shortest of the others, then the options' guesses."""
     numbers, speed = task.policy.sequential, _speed(task.problem)
     yield from (_guess(task, paths) for paths in islice(planned, 1))

@@ -271,15 +271,16 @@ class Sequential:
     def _judged(self, at: Iterate, taken: Iterate, step: QpSolution, region: Array) -> tuple[bool, bool]:
         """Whether a step ends the iteration, and whether it was predicted well enough to judge its torques.
 
-        With rows linear along the step, it ends at the optimum. A convex program's optimum is convex in its bounds:
-        moving the region's lowers it by no more than their multipliers predict.
+        With rows linear along the step, it ends at the optimum, but for distances: at its end other points of the
+        bodies are the nearest, in other directions, along which a further step may gain as much. A convex program's
+        optimum is convex in its bounds: moving the region's lowers it by no more than their multipliers predict.
         """
         merit, promised = self.merit(taken), at.cost + step.cost
         held = self.program.free & (2 * np.abs(taken.x - at.x) > region)  # not by the unknown's own bounds
         reached = region[held] @ np.abs(step.bounds[held]) <= self._enough * merit
         settled = abs(taken.cost - at.cost) < self._enough * merit
         off = abs(promised - merit)
-        ended = settled or (reached and off < self._enough * merit)
+        ended = settled or (reached and off < self._enough * merit and taken.distances is None)
         return bool(ended), bool(off < self.policy.tightened * merit and (reached or settled))
 
     def _kept(self, at: Iterate) -> bool:

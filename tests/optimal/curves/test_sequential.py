@@ -1,4 +1,7 @@
-"""Quadratic programs of one step: held against the conditions that a convex program's solution alone satisfies."""
+"""Quadratic programs of one step: held against the conditions that a convex program's solution alone satisfies.
+
+Sequences of steps: held against one further step.
+"""
 
 from dataclasses import replace
 from functools import partial
@@ -8,7 +11,15 @@ import pytest
 import scipy.sparse as sp
 from scipy.optimize import minimize
 
-from armdyn.optimal.curves.sequential import ConvexStep, SoftRows, solve_step
+import armdyn as ad
+from armdyn.optimal.constraints.registry import TightenedConstraints
+from armdyn.optimal.curves.curve_program import curve_program
+from armdyn.optimal.curves.layout import CurveSpec, curve_layout
+from armdyn.optimal.curves.nlp_data import assemble_curve
+from armdyn.optimal.curves.planned_paths import guesses_along, paths_through
+from armdyn.optimal.curves.sequential import ConvexStep, Sequential, SoftRows, solve_step
+from armdyn.optimal.problem.status import Status
+from armdyn.optimal.problem.task import Task
 
 accurately = partial(solve_step, accuracy=1e-8)  # ten times as accurate as the conditions
 
@@ -122,3 +133,32 @@ def test_unknowns_that_are_fixed_do_not_move_and_the_order_does_not_matter():
     lower[[3, 17]], upper[[3, 17]] = -1e-9, 1e-9
     near = accurately(replace(problem, bounds=(lower, upper)))
     np.testing.assert_allclose(found.step, near.step, atol=1e-6)  # the two move by 1e-9
+
+
+@pytest.mark.slow
+def test_along_no_planned_path_does_a_sequence_end_where_a_further_step_saves_time():
+    """Into a crate: the third path's first two steps are predicted exactly, then the nearest points are others."""
+    wide, thick, high, z = 0.7, 0.04, 0.7, 0.65
+    turn, middle = np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]]), np.array([0.67, 0.19])
+    walls = []
+    for side in (-wide / 2, wide / 2):
+        for size, offset in (((thick, wide, high), (side, 0)), ((wide, thick, high), (0, side))):
+            place = np.eye(4)
+            place[:2, :2], place[:3, 3] = turn, [*(middle + turn @ offset), z]
+            walls.append(ad.Box(size, place))
+    start, goal = [1.57, -1.57, 0, -1.57, -1.57, 3.14], [-1.4409, -0.7788, 1.5149, -2.3148, -1.5624, -0.1718]
+    problem = ad.MinimumTimeProblem(ad.Robot.from_library("ur5"), q_start=start, q_goal=goal, obstacles=walls)
+    task = Task.of(problem)
+    spec, enough = CurveSpec(TightenedConstraints.of(task)), task.policy.sequential.enough
+    guesses = list(guesses_along(task, paths_through(problem, 0, task.stop)))
+    for guess in guesses:
+        shape = curve_layout(problem, guess, spec.constraints)
+        data = assemble_curve(task, guess, spec, shape)
+        program = curve_program(task, guess, spec, shape, data)
+        bounds = tuple(side[program.torques] for side in data.x_bounds)
+        loop = Sequential(program, bounds, guess.duration, task.policy.sequential, task.stop)
+        found = loop.solve(data.x, enough)
+        again = loop.solve(found.at.x, enough, warm=True, steps=1)
+        assert found.status is Status.SOLVED
+        assert loop.merit(found.at) - loop.merit(again.at) < enough * loop.merit(found.at)  # 20 times that
+    assert len(guesses) == 3
