@@ -10,7 +10,6 @@ from armdyn.errors import ProblemError
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.options import MinimumTimeOptions
-from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.verify.costates import MORE, Share
 
@@ -57,24 +56,13 @@ def with_saving(solution: Solution, options: MinimumTimeOptions) -> Solution:
 
 
 def _solved_with(solution: Solution, raised: Sequence[Share], options: MinimumTimeOptions) -> Solution | None:
-    """The fastest motion with some limits raised by `MORE`; None: they cannot be raised, or none was found in time."""
-    near = replace(options, guesses=(solution.trajectory,), starts=1, bound=False, calm=0.0)
-    try:
-        found = solve_minimum_time(_with_more(solution.problem, raised), near)
-    except ProblemError:
-        return None
-    return found if found.usable and found.status is Status.SOLVED else None
+    """The fastest motion with some limits raised by `MORE`; None: they cannot be raised, or none was found in time.
 
-
-def _with_more(problem: MinimumTimeProblem, raised: Sequence[Share]) -> MinimumTimeProblem:
-    """The problem with some limits raised by `MORE`.
-
-    Raises:
-        ProblemError: a limit is a controller's, or a torque's by speed.
+    A controller's limits, and a torque's by speed, are not raised.
     """
-    limits, kept = problem.limits, problem.reserves
+    problem, limits, kept = solution.problem, solution.problem.limits, solution.problem.reserves
     if problem.preset is not None or not limits.actuators.constant:
-        raise ProblemError("limits of a preset and torque limits by speed are not raised alone")
+        return None
     own = {
         "torque_limit": np.array([limits.effort_lower, limits.effort_upper]) / (1 - kept.effort),
         "velocity_limit": limits.velocity / (1 - kept.velocity),
@@ -85,4 +73,10 @@ def _with_more(problem: MinimumTimeProblem, raised: Sequence[Share]) -> MinimumT
         name, k = share.limit.replace(" ", "_"), problem.robot.joint_names.index(share.joint)
         own[name] = np.asarray(own[name]) * np.where(np.arange(problem.robot.nv) == k, 1 + MORE, 1.0)
     effort = tuple(np.asarray(own.pop("torque_limit")))
-    return problem.variant(effort_limit=None if problem.kinematic else effort, **own)
+    near = replace(options, guesses=(solution.trajectory,), starts=1, bound=False, calm=0.0)
+    try:
+        more = problem.variant(effort_limit=None if problem.kinematic else effort, **own)
+        found = solve_minimum_time(more, near)
+    except ProblemError:
+        return None
+    return found if found.usable and found.status is Status.SOLVED else None

@@ -3,18 +3,17 @@
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
-from armdyn.arrays import Array
+from armdyn.arguments import expect
 from armdyn.models.scene.reaching import GoalPose, slid
 from armdyn.optimal.answer.solution import Solution, with_certificate, without_motion
 from armdyn.optimal.answer.words import found_words, replay_words
 from armdyn.optimal.bound.lower_bound import least_duration
 from armdyn.optimal.curves.goals import GoalResult, screened
 from armdyn.optimal.mesh.search import SearchResult, grouped, within
-from armdyn.optimal.problem.policy.search import GoalPolicy, SamePolicy
+from armdyn.optimal.problem.policy.search import SamePolicy
 from armdyn.optimal.problem.status import Status, Stop, stopping
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, Certificate
@@ -225,7 +224,7 @@ def fastest_goal(task: Task, solve: Solve) -> Solution:
         tried[i] = GoalResult(np.asarray(branch.problem.q_goal), found, refined=True)
     best = min(solutions, key=lambda solution: (not solution.success, not solution.moves, solution.duration))
     if problem.goal_pose is not None and best.status is Status.SOLVED:
-        best = _slid_end(best, problem.goal_pose, numbers, partial(_near, task, solve, until))
+        best = slid_end(task, best, solve)
     goal = best.problem.x_goal[: problem.robot.nv]
     if best not in solutions:
         tried.append(GoalResult(goal, best.duration, refined=True))
@@ -245,50 +244,35 @@ def fastest_goal(task: Task, solve: Solve) -> Solution:
     return replace(answer, status=Status.TIME_LIMIT, message=said)
 
 
-def _near(task: Task, solve: Solve, until: float, known: Solution, q: Array) -> Solution | None:
-    """The solution for a goal near another one, from that one's motion; None: the time is up."""
-    if task.stop:
-        return None
-    task.progress("the goal moved along the joint positions that reach its pose")
-    near = task.for_problem(known.problem.variant(q_goal=q))
-    return solve(near.with_options(guesses=(known.trajectory,), starts=1), until - time.perf_counter())
-
-
-def _slid_end(
-    best: Solution, goal: GoalPose, numbers: GoalPolicy, solve: Callable[[Solution, Array], Solution | None]
-) -> Solution:
+def slid_end(task: Task, best: Solution, solve: Solve) -> Solution:
     """The fastest solution met while the goal descends along its pose, with steps of Barzilai and Borwein (1988).
 
     Args:
+        task: of the problem with a goal pose; the descent ends with its time.
         best: a solution at one of the joint positions that reach the pose; returned unchanged without costates, or if
             no neighbour is faster.
-        goal: pose at the goal.
-        numbers: settings of the descent.
-        solve: maps a solution and a new goal, shape (nv,), to the solution there; None: the time is up.
+        solve: solves a task with one goal within a time limit [s].
     """
-    step = numbers.distinct
+    numbers, goal = task.policy.goals, expect(task.problem.goal_pose, GoalPose, "goal_pose")
+    robot, step = task.problem.robot, numbers.distinct
     for _ in range(numbers.end_solves):
-        q = best.problem.x_goal[: best.problem.robot.nv]
+        q = best.problem.x_goal[: robot.nv]
         missed = transversality(best.problem, goal, q, best.costates)
-        if (
-            best.costates is None
-            or missed is None
-            or missed == np.inf
-            or missed <= GAP_TOLERANCE / 10
-            or step < numbers.least_step
-        ):
+        falls = missed is not None and GAP_TOLERANCE / 10 < missed < np.inf
+        if best.costates is None or not falls or step < numbers.least_step:
             break
-        gradient = end_gradient(best.problem.robot, goal, q, best.costates)
-        steepest = float(np.linalg.norm(gradient))
-        by = -min(step, numbers.largest_step) / steepest * gradient
-        moved = slid(best.problem.robot, goal, q, by, best.problem.limits)
-        other = None if moved is None else solve(best, moved)
-        if moved is None or other is None:
+        gradient = end_gradient(robot, goal, q, best.costates)
+        by = -min(step, numbers.largest_step) / float(np.linalg.norm(gradient)) * gradient
+        moved = slid(robot, goal, q, by, best.problem.limits)
+        if moved is None or task.stop:
             break
+        task.progress("the goal moved along the joint positions that reach its pose")
+        near = task.for_problem(best.problem.variant(q_goal=moved)).with_options(guesses=(best.trajectory,), starts=1)
+        other = solve(near, task.stop.deadline - time.perf_counter())
         if not other.success or other.costates is None or other.duration >= best.duration:
             step /= 4
             continue
-        turned = end_gradient(best.problem.robot, goal, moved, other.costates)
+        turned = end_gradient(robot, goal, moved, other.costates)
         away, curvature = moved - q, float((moved - q) @ (turned - gradient))
         step = float(away @ away) / curvature * float(np.linalg.norm(turned)) if curvature > 0 else 2 * step
         best = other

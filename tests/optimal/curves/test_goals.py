@@ -8,7 +8,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.models.scene.reaching import free_directions, slid
-from armdyn.optimal.answer.assembly import _slid_end
+from armdyn.optimal.answer.assembly import slid_end
 from armdyn.optimal.curves.goals import screened
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.costates import end_gradient, transversality
@@ -126,12 +126,12 @@ def test_an_end_descends_along_its_pose_by_the_costates_of_meshes():
     fastest = np.array([0.48032713, 0.52767955, 0.27926917])  # of exact arcs, where transversality is missed by 1e-5
     (free,) = free_directions(robot, pose, fastest).T
 
-    def solved(known, q):
-        return mesh_alone(posed.variant(q_goal=q, goal_pose=None), guesses=(known.trajectory,), starts=1)
+    def solved(near, seconds):
+        return mesh_alone(near.problem, guesses=near.options.guesses, starts=near.options.starts)
 
     first = mesh_alone(posed.variant(q_goal=slid(robot, pose, fastest, 0.05 * free, posed.limits), goal_pose=None))
     assert transversality(posed, pose, first.problem.x_goal[:3], first.costates) > 5e-3
-    last = _slid_end(first, pose, Task.of(posed).policy.goals, solved)
+    last = slid_end(Task.of(posed), first, solved)
     assert last.phases is None and transversality(posed, pose, last.problem.x_goal[:3], last.costates) < 1e-3
     assert last.duration == pytest.approx(0.16528390, rel=2e-6)  # with arcs; the mesh is a millionth slower
     np.testing.assert_allclose(last.problem.x_goal[:3], fastest, atol=2e-3)  # of second order in the duration
