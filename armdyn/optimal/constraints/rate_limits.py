@@ -140,13 +140,12 @@ class JerkLimit(DerivativeLimit):
 
 def _jerks(stages: Stages, over_limit: ca.SX) -> ca.SX:
     steps = ca.repmat(ca.DM(np.diff(stages.c)).T, over_limit.numel(), 1)
-    rises: ca.SX = (stages.a[:, 1:] - stages.a[:, :-1]) / (steps * stages.h)
+    rises = (stages.a[:, 1:] - stages.a[:, :-1]) / (steps * stages.h)
     return ca.vec(rises * ca.repmat(over_limit, 1, steps.shape[1]))
 
 
 def _acceleration_at(stages: Stages, numbers: ca.SX, stage: int) -> ca.SX:
-    scaled: ca.SX = stages.a[:, stage] / stages.acceleration
-    return scaled
+    return ca.SX(stages.a[:, stage] / stages.acceleration)
 
 
 @dataclass(frozen=True)

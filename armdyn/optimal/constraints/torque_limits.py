@@ -117,19 +117,16 @@ class TorqueRateLimit(PathConstraint):
 
 def _torque_change(stages: Stages) -> ca.SX:
     """Change of the torque over the interval [N m or N]; the torque is linear in it."""
-    slope: ca.SX = (stages.tau[:, -1] - stages.tau[:, 0]) / (stages.c[-1] - stages.c[0])
-    return slope
+    return ca.SX((stages.tau[:, -1] - stages.tau[:, 0]) / (stages.c[-1] - stages.c[0]))
 
 
 def _rates(stages: Stages, over_limit: ca.SX) -> ca.SX:
-    rates: ca.SX = _torque_change(stages) / stages.h * over_limit
-    return rates
+    return ca.SX(_torque_change(stages) / stages.h * over_limit)
 
 
 def _from_torque(stages: Stages, hold: ca.SX, part: float) -> ca.SX:
     """Difference of the torque from a given one at a fraction of the interval, over its scale."""
-    distance: ca.SX = (stages.tau[:, 0] + (part - stages.c[0]) * _torque_change(stages) - hold) / stages.effort
-    return distance
+    return ca.SX((stages.tau[:, 0] + (part - stages.c[0]) * _torque_change(stages) - hold) / stages.effort)
 
 
 @dataclass(frozen=True)
@@ -242,8 +239,7 @@ def _surplus(stages: Stages, numbers: ca.SX) -> ca.SX:
     slope = _torque_change(stages)
     first = stages.tau[:, 0] - float(stages.c[0]) * slope
     last = first + slope
-    surplus: ca.SX = stages.h * ((first**2 + first * last + last**2) / 3 * numbers[:-1] - numbers[-1])
-    return surplus
+    return ca.SX(stages.h * ((first**2 + first * last + last**2) / 3 * numbers[:-1] - numbers[-1]))
 
 
 def _per_joint(limit: ArrayLike, robot: Robot, what: str, unit: str) -> Array:

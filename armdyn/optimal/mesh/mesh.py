@@ -109,9 +109,10 @@ def _exact(task: Task, solved: set[Structure], mesh: Attempt) -> Optimum | None:
 
 def _rank(task: Task, optimum: Optimum) -> tuple[bool, float]:
     """Sort key: first the optima that reach the goal within their limits, by duration; then the others, by error."""
-    factor = least_slowing(task.problem, optimum)
-    good = optimum.certificate.goal_error <= GOAL_TOLERANCE and factor <= task.policy.same.slower
-    return not good, factor * optimum.trajectory.duration if good else optimum.error
+    factor, certificate = least_slowing(task.problem, optimum), optimum.certificate
+    good = certificate.goal_error <= GOAL_TOLERANCE and factor <= task.policy.same.slower
+    error = max(certificate.goal_error, certificate.limit_violation)
+    return not good, factor * optimum.trajectory.duration if good else error
 
 
 def _near_guesses(task: Task, rough: Sequence[Trajectory]) -> SearchResult | None:

@@ -93,11 +93,6 @@ class Optimum:
         return cls(motion, certificate, cost, intervals, phases, **(found | more))
 
     @property
-    def error(self) -> float:
-        """Largest error: goal error [rad or m], or excess over a limit as a part of it."""
-        return max(self.certificate.goal_error, self.certificate.limit_violation)
-
-    @property
     def missed(self) -> tuple[str, ...]:
         """Violated path constraints, in words."""
         return self.reports.reasons
