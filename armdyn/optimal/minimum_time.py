@@ -120,10 +120,9 @@ def refined(task: Task) -> tuple[list[Optimum], SearchResult]:
     for method in strategy.methods:
         if optima and _certified(task, optima[-1]):
             break
-        more, searched = _by(method, task)
+        more, new = _by(method, task)
         optima += [slowed(task, one) for one in more]
-        listed, iterations = (*found.listed, *searched.listed), found.iterations + searched.iterations
-        found = replace(searched, listed=listed, iterations=iterations)
+        found = replace(new, listed=(*found.listed, *new.listed), iterations=found.iterations + new.iterations)
         if method == "profiles" and any(one.usable for one in more):
             break  # but for its replay's errors no motion is faster
     for method in strategy.fallback:
@@ -132,10 +131,9 @@ def refined(task: Task) -> tuple[list[Optimum], SearchResult]:
         task.progress(f"no usable motion so far, or a faster one collides: {method}")
         near = tuple(one.trajectory for one in optima if one.certificate.ends_within(task.policy.shooting.far))
         last = replace(task, policy=task.policy.by(method))
-        more, searched = _by(method, last.with_options(guesses=near))
+        more, new = _by(method, last.with_options(guesses=near))
         optima += [slowed(task, one) for one in more]
-        failed, iterations = (*found.failed, *searched.failed), found.iterations + searched.iterations
-        found = replace(found, failed=failed, iterations=iterations)
+        found = replace(found, failed=(*found.failed, *new.failed), iterations=found.iterations + new.iterations)
     return optima, found
 
 

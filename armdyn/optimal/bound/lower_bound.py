@@ -27,7 +27,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.reprs import brief
 
 
-def pose_bound(problem: MinimumTimeProblem, leg: BoundLeg, stop: StopCondition) -> tuple[float, int, float]:
+def pose_bound(problem: MinimumTimeProblem, leg: BoundLeg, stop: StopCondition) -> tuple[tuple[float, int], float]:
     """Lower bound on the last leg's duration to any joint position that reaches the pose.
 
     Args:
@@ -36,7 +36,7 @@ def pose_bound(problem: MinimumTimeProblem, leg: BoundLeg, stop: StopCondition) 
         stop: stopping condition, polled regularly; once true, the bound so far is returned.
 
     Returns:
-        The bound [s], the joint that decides it, and the bound by velocity limits alone [s]; 0: no bound, as if
+        The bound [s] and the joint that decides it, and the bound by velocity limits alone [s]; 0: no bound, as if
         the position is free along an axis.
     """
     numbers, pose = leg.policy, expect(problem.goal_pose, GoalPose, "goal_pose")
@@ -45,21 +45,20 @@ def pose_bound(problem: MinimumTimeProblem, leg: BoundLeg, stop: StopCondition) 
     nearby = (replace(leg, goal=replace(leg.goal, q=Interval.at(q))) for q in problem.goals)
     near = min(nearby, key=lambda one: one.shortest)
     kinematic = _kinematic(goals, near.shortest, stop)
-    known, joint = kinematic, int(np.argmax(near.alone(near.away)))
+    known = kinematic, int(np.argmax(near.alone(near.away)))
     if kinematic == 0 or not leg.has_momentum:
-        return kinematic, joint, kinematic
+        return known, kinematic
     # The set's bound is at most that of any goal in it; that goal may be far from the fastest one.
-    longest = min(leg_bound(near, stop)[0], known * numbers.most_momentum)
+    longest = min(leg_bound(near, stop)[0], kinematic * numbers.most_momentum)
     for _ in range(numbers.passes // 4):
-        if stop() or longest < known * (1 + numbers.near_enough):
+        if stop() or longest < known[0] * (1 + numbers.near_enough):
             break
-        middle = (known + longest) / 2
-        bound, decides = _before(goals.before(middle), leg, (known, joint), stop)
-        if bound > known:
-            known, joint = bound, decides
-        if bound < middle:
+        middle = (known[0] + longest) / 2
+        found = _before(goals.before(middle), leg, known, stop)
+        known = max(known, found, key=lambda bound: bound[0])
+        if found[0] < middle:
             longest = middle
-    return known, joint, kinematic
+    return known, kinematic
 
 
 def _kinematic(goals: GoalSet, near: float, stop: StopCondition) -> float:
@@ -168,8 +167,7 @@ def lower_bound(
     if problem.goal_pose is None:
         slowest, fastest = leg_bound(last, stopped), last.shortest
     else:
-        *ends, fastest = pose_bound(problem, last, stopped)
-        slowest = (ends[0], int(ends[1]))
+        slowest, fastest = pose_bound(problem, last, stopped)
     kinematic = sum_down([*(leg.shortest for leg in legs), fastest])
     if kinematic == 0:
         return None
