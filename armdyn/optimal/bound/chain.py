@@ -28,7 +28,6 @@ from armdyn.optimal.bound.lattice import Effort, Lattice, Region, Stopped, polle
 from armdyn.optimal.bound.leg import BoundLeg, bound_legs, least_time
 from armdyn.optimal.bound.leg_bound import Passage
 from armdyn.optimal.constraints.regions import FrameRegion
-from armdyn.optimal.constraints.registry import path_constraints_of
 from armdyn.optimal.problem.policy.bound import BoundPolicy
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 
@@ -102,7 +101,7 @@ def _via(problem: MinimumTimeProblem, widest: float) -> list[int]:
 
 def _lines(problem: MinimumTimeProblem) -> dict[int, GoalPose]:
     """Regions in which a frame stays on one leg, by the leg's index between the via points."""
-    given = [one for one in path_constraints_of(problem) if isinstance(one, FrameRegion)]
+    given = (one for one in problem.path_constraints if isinstance(one, FrameRegion))
     return {one.leg: one.region for one in given if one.leg is not None}
 
 

@@ -320,7 +320,7 @@ class MinimumTimeProblem:
             ProblemError: a path constraint has no text, see `PathConstraint.option_text`; or the file is too large.
         """
         robot = robot_table(self.robot, None if folder is None else path_of(folder, "folder"))
-        text = to_toml({"robot": robot, "problem": problem_table(self, self.own_rates)})
+        text = to_toml({"robot": robot, "problem": problem_table(self)})
         if (size := len(text.encode())) > MAX_BYTES:
             raise ProblemError(
                 f"the problem file would have {size} bytes, and {MAX_BYTES} are read: write large meshes and point "

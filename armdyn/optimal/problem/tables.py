@@ -1,6 +1,5 @@
 """The table [problem] of a problem file: its writer."""
 
-from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -13,16 +12,11 @@ from armdyn.models.values.placement import pose_entry
 from armdyn.optimal.problem.planning_limits import PathConstraintSpec
 
 
-def problem_table(problem: Any, own_rates: Mapping[str, Any]) -> dict[str, Any]:
-    """The table [problem] that describes a `MinimumTimeProblem`.
-
-    Args:
-        problem: the problem.
-        own_rates: its limits of acceleration and jerk as given, without the preset's.
-    """
+def problem_table(problem: Any) -> dict[str, Any]:
+    """The table [problem] that describes a `MinimumTimeProblem`."""
     given = {}
     for own in fields(problem):
-        value = own_rates.get(own.name, getattr(problem, own.name))
+        value = problem.own_rates.get(own.name, getattr(problem, own.name))
         found = own.name == "q_goal" and problem.goal_pose is not None  # by inverse kinematics
         if own.init and own.name != "robot" and not found and not _is_default(value, own.default):
             given[own.name] = _plain(value)
