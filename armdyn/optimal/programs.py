@@ -15,10 +15,10 @@ from armdyn.arrays import Array, Index
 from armdyn.errors import ProblemError
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.curve import Basis, Curve, CurveLeg
+from armdyn.optimal.curves.excess import sampled
 from armdyn.optimal.curves.layout import CurveSpec, curve_layout
 from armdyn.optimal.curves.nlp_data import assemble_curve
 from armdyn.optimal.curves.program import build, rows_of
-from armdyn.optimal.curves.refinement import sampled
 from armdyn.optimal.curves.solve import straight_curve, units_of
 from armdyn.optimal.mesh.assembly import Block, Program, build_nlp
 from armdyn.optimal.mesh.direct import assemble_mesh, legs_of

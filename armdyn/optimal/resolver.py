@@ -218,12 +218,11 @@ class Resolver:
     def _guesses(self, live: LiveProblem) -> list[Guess]:
         """Initial curves: a direct one, the rest of the last motion, and unfinished work."""
         basis, start = live.basis, live.problem.poses[0]
-        none = TorqueMargin(*np.zeros((2, live.places.size, start.size)))
-        guesses = [(direct(live), none)]
+        guesses = [(direct(live), TorqueMargin())]
         if self._last is not None:
             passed, end = self._last.passed(start, live.v), float(self._last.motion.t[-1])
             positions = self._last.motion(passed + (end - passed) * basis.places).q
-            guesses.append((rest_of(live, positions, end - passed), none))
+            guesses.append((rest_of(live, positions, end - passed), TorqueMargin()))
         if self._draft is not None:
             leg, margins = self._draft
             guesses.append((rest_of(live, leg.points, leg.duration), margins))

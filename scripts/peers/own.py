@@ -3,8 +3,9 @@
 from protocol import INTERVALS, Answer, main
 
 import armdyn as ad
+from armdyn.optimal.curves.excess import sampled
 from armdyn.optimal.curves.program import torque_equations
-from armdyn.optimal.curves.refinement import refine_curve, sampled
+from armdyn.optimal.curves.refinement import refine_curve
 from armdyn.optimal.curves.solve import straight_curve
 from armdyn.optimal.mesh.condensed import prepare_quickly, solve_quickly
 from armdyn.optimal.mesh.starts import spline

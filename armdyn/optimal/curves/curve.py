@@ -82,12 +82,6 @@ class Basis:
         """Greville abscissae, shape (size,)."""
         return np.array([self.knots[i + 1 : i + 1 + DEGREE].mean() for i in range(self.size)])
 
-    def monomials(self) -> tuple[Array, Array]:
-        """Control points of s and of s², each of shape (size,): symmetric functions of the knots (chapter IX)."""
-        inner = np.array([self.knots[i + 1 : i + 1 + DEGREE] for i in range(self.size)])
-        sums, squares = np.sum(inner, axis=1), np.sum(inner**2, axis=1)
-        return sums / DEGREE, (sums**2 - squares) / (DEGREE * (DEGREE - 1))
-
     def factors(self, order: int) -> Array:
         """Factors from differences of a derivative's control points to the control points of the next derivative.
 
@@ -213,8 +207,7 @@ class Curve:
             basis: basis of every leg.
             durations: durations of the legs [s], shape (legs,), or one for all.
         """
-        ends = zip(problem.poses[:-1], problem.poses[1:], strict=True)
-        paths = [np.array(pair) for pair in ends]
+        paths = [np.array(pair) for pair in pairwise(problem.poses)]
         return cls.along(paths, [basis] * len(paths), durations, np.ones(problem.robot.nv))
 
     @classmethod

@@ -3,7 +3,7 @@
 Torques are eliminated: they are functions of control points and durations.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +25,6 @@ from armdyn.optimal.curves.linear_rows import (
 )
 from armdyn.optimal.curves.nlp_data import travel_scales
 from armdyn.optimal.curves.program import build, rows_of
-from armdyn.optimal.mesh.assembly import Program
 from armdyn.optimal.mesh.ipopt import NlpData
 from armdyn.optimal.problem.task import Task
 
@@ -109,35 +108,9 @@ def quadratic_form(shape: CurveLayout, squares: Sequence[Array], scales: Array) 
     return sp.csr_matrix(every, (shape.size, shape.size))
 
 
-@dataclass(frozen=True, eq=False)
-class OtherRows:
-    """Equations by CasADi, in which torques are unknowns.
-
-    Attributes:
-        program: functions of the nonlinear program.
-        parameters: parameters of the program.
-        which: indices of the equations.
-        bounds: low and high, each of shape (equations,).
-    """
-
-    program: Program
-    parameters: Array
-    which: Index
-    bounds: tuple[Array, Array]
-
-    def at(self, x: Array, torques: Index, load: sp.csr_matrix) -> Sides:
-        """Linearise the equations.
-
-        Args:
-            x: unknowns, including the torques.
-            torques: indices of the torques.
-            load: ∂(torques)/∂(unknowns), shape (torques, unknowns): torques are eliminated.
-        """
-        g, matrix = self.program.jacobian(x, self.parameters)
-        whole = sp.csc_matrix((matrix.nonzeros(), matrix.row(), matrix.colind()), shape=matrix.shape)
-        rows = whole.tocsr()[self.which]
-        jacobian = (rows + rows[:, torques.ravel()] @ load).tocsr()
-        return Sides(jacobian, np.array(g).ravel()[self.which], self.bounds)
+OtherRows = Callable[[Array, sp.csr_matrix], Sides]
+"""Linearises further equations at unknowns, including the torques, with ∂(torques)/∂(unknowns): torques are eliminated.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +192,7 @@ class CurveProgram:
             x = x.copy()
             x[self.torques] = torques.tau
             if self.others is not None:
-                sides.append(self.others.at(x, self.torques, torques.jacobian))
+                sides.append(self.others(x, torques.jacobian))
         distances = None if self.clearance is None else self.clearance.at(self.shape, x)
         return Iterate(x, self.cost.value(x, torques.tau), torques, tuple(sides), distances)
 
@@ -287,12 +260,19 @@ def curve_program(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout,
     def bounds(rows: Index) -> tuple[Array, Array]:
         return data.g_bounds[0][rows], data.g_bounds[1][rows]
 
-    others, required = None, spec.constraints.required_distances(problem)
+    required = spec.constraints.required_distances(problem)
     known = [shape.torque_rows(leg).ravel() for leg in shape.legs] + [shape.rates_of_all(k) for k in shape.orders]
+    others: OtherRows | None = None
     if (which := np.setdiff1d(np.arange(data.g_bounds[0].size), np.concatenate(known))).size:
         rows = rows_of(problem, spec.constraints)
-        program = task.in_time(lambda scheme: build(task.dynamics, shape, rows, scheme.compile))
-        others = OtherRows(program, data.p, which, bounds(which))
+        equations = task.in_time(lambda scheme: build(task.dynamics, shape, rows, scheme.compile))
+
+        def others(x: Array, load: sp.csr_matrix) -> Sides:
+            g, matrix = equations.jacobian(x, data.p)
+            whole = sp.csc_matrix((matrix.nonzeros(), matrix.row(), matrix.colind()), shape=matrix.shape)
+            own = whole.tocsr()[which]
+            return Sides((own + own[:, torques.ravel()] @ load).tocsr(), np.array(g).ravel()[which], bounds(which))
+
     points = [(basis, basis.gauss(POINTS)[0].ravel()) for basis in bases]
     return CurveProgram(
         shape=shape,

@@ -12,18 +12,11 @@ from armdyn.codegen.background import is_building
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.constraints.torque_limits import RmsTorque
 from armdyn.optimal.curves.curve import Curve
+from armdyn.optimal.curves.excess import sampled
 from armdyn.optimal.curves.layout import CurveSpec
 from armdyn.optimal.curves.planned_paths import NO_PATH, paths_through, refined_paths
 from armdyn.optimal.curves.program import CurveInterval
-from armdyn.optimal.curves.refinement import (
-    RefinedCurve,
-    calm_curve,
-    refine_curve,
-    reports_on,
-    sampled,
-    slowed_to_limits,
-    within_constraints,
-)
+from armdyn.optimal.curves.refinement import RefinedCurve, calm_curve, refine_curve, reports_on, slowed_to_limits
 from armdyn.optimal.curves.solve import prepare_curve, straight_curve
 from armdyn.optimal.mesh.direct import Attempt
 from armdyn.optimal.mesh.search import SearchResult, grouped, within
@@ -75,7 +68,7 @@ def curves(task: Task) -> tuple[list[Optimum], SearchResult]:
         )
     )
     if found[0].excess > numbers.most_excess and can_be_slowed(task.problem) and not task.stop:
-        found[0] = slowed_to_limits(task, found[0])
+        found[0] = slowed_to_limits(task, found[0].solved, found[0].spec, found[0].iterations)
     if found[0].excess > numbers.most_excess:
         failed = failed or (_failed(task, found[0]),)
         return [], SearchResult((), failed=failed, iterations=sum(one.iterations for one in found))
@@ -221,8 +214,8 @@ def _enough(task: Task, refined: RefinedCurve) -> bool:
 
 def _calm(task: Task, fastest: RefinedCurve) -> Optimum:
     """Motion with little joint travel, as slow as the options and a nearby proven bound allow; else the fastest."""
-    share, duration = task.options.calm, fastest.curve.duration
-    if not _calms(task) or task.stop or not fastest.solved.converged:
+    share, duration, problem = task.options.calm, fastest.curve.duration, task.problem
+    if not share or problem.pays_effort or problem.has_regions or task.stop or not fastest.solved.converged:
         return _landed(task, fastest)
     task.progress(f"{duration:.6f} s; up to {100 * share:.2g} % of that may be spent on calm joints")
     calm = _landed(task, calm_curve(task, fastest, share)) if task.workers != 1 else None  # parallel to the bound
@@ -230,12 +223,6 @@ def _calm(task: Task, fastest: RefinedCurve) -> Optimum:
     if bound is not None and duration <= (1 + GAP_TOLERANCE) * bound < (1 + share) * duration:
         share, calm = (1 + GAP_TOLERANCE) * bound / duration - 1, None
     return calm or _landed(task, calm_curve(task, fastest, share))
-
-
-def _calms(task: Task) -> bool:
-    """Whether the options allow time for calm joints."""
-    problem = task.problem
-    return task.options.calm > 0 and not (problem.pays_effort or problem.has_regions)
 
 
 def _without_path(task: Task) -> Attempt:
@@ -297,22 +284,34 @@ def _heating(task: Task, refined: RefinedCurve) -> dict[str, Array]:
 
 
 def _landed(task: Task, refined: RefinedCurve) -> Optimum:
-    """Replay a curve's motion."""
-    problem, curve = task.problem, refined.curve
+    """Replay a curve's motion, which is slowed down where its replay exceeds limits or path constraints."""
+    problem, curve, numbers, constraints = task.problem, refined.curve, task.policy.curves, refined.spec.constraints
     task.progress(f"replaying a motion of {curve.duration:.6f} s")
     if can_be_slowed(problem):  # velocities have a reserve for the replay's error
         fastest = max(float(np.max(leg.fastest / problem.limits.velocity)) for leg in curve.legs)
-        curve = curve.slower(max((1 + task.policy.curves.velocity_error) * fastest, 1.0))
+        curve = curve.slower(max((1 + numbers.velocity_error) * fastest, 1.0))
     # `follow` integrates as `replay_torques` does, sample by sample; `repeated` uses another integrator.
     replay = follow(task, sampled(task, curve))
-    # Where friction jumps, or the arm is unstable, `slowed` would end off the goal.
-    for _ in range(task.policy.curves.rounds if can_be_slowed(problem) else 0):
+    # Where friction jumps, or the arm is unstable, `slowed`, which slows down the replay, would end off the goal.
+    for _ in range(numbers.rounds if can_be_slowed(problem) else 0):
         factor = least_factor(problem.robot, problem.limits, replay, LIMIT_TOLERANCE)
-        if not 1 < factor < 1 + task.policy.curves.most_excess:
+        if not 1 < factor < 1 + numbers.most_excess:
             break
         curve = curve.slower(factor)
         replay = follow(task, sampled(task, curve))
-    curve, replay, reports = within_constraints(task, curve, replay, refined.spec.constraints)
+    reports = constraints.check(problem, replay, curve.passing)
+    # Lines between samples miss the bend of the torque of Coulomb friction, which shakes light joints beyond their jerk
+    # limits: such a curve is sampled finer before it is slowed down.
+    rubs = bool(np.any(np.asarray(problem.robot.friction.coulomb) > 0))
+    finer, paths = numbers.finer[1:] if rubs else (), task.policy.path_constraints
+    needed = can_be_slowed(problem) and (rubs or not constraints_mended(task, reports))
+    for k in range(len(finer) + paths.rounds if needed else 0):
+        if reports.slowing == 1 or not np.isfinite(reports.slowing):
+            break
+        if k >= len(finer):
+            curve = curve.slower(reports.slowing + paths.slower)
+        replay = follow(task, sampled(task, curve, max(finer[: k + 1], default=1)))
+        reports = constraints.check(problem, replay, curve.passing)
     result = refined.solved.result
     remark = ON_CURVE if refined.solved.converged else f"the curve did not converge ({result.message})"
     shares = _deciding(task, refined)

@@ -32,13 +32,18 @@ def excesses_of(task: Task, curve: Curve) -> tuple[TorqueMargin, ...]:
     problem, checks = task.problem, task.policy.curves.checks
     limit, found = torque_rates(task, TightenedConstraints.of(task)), []
     for leg in curve.legs:
-        breaks = leg.basis.breaks
-        s = breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1, checks + 1)
-        q, v, a = (x.reshape(*s.shape, -1) for x in leg.at(s.ravel()))
+        s, (q, v, a) = _at_places(leg, checks + 1)
         tau = inverse_dynamics(problem.robot)(q, v, a)
         rates = -1.0 if limit is None else _rate_excess(leg, s, tau, limit)
         found.append(TorqueMargin(*torque_excess(problem.limits.actuators, q, v, tau, POINTS), rates))
     return tuple(found)
+
+
+def _at_places(leg: CurveLeg, count: int) -> tuple[Array, list[Array]]:
+    """Even places of every interval, ends included, shape (intervals, count), and the motion there as `CurveLeg.at`."""
+    breaks = leg.basis.breaks
+    s = breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1, count)
+    return s, [x.reshape(*s.shape, -1) for x in leg.at(s.ravel())]
 
 
 def torque_excess(limits: ActuatorLimits, q: Array, v: Array, tau: Array, parts: int) -> tuple[Array, Array]:
@@ -184,6 +189,28 @@ class Tightening:
         return least + margin.lower, most - margin.upper
 
 
+def sampled(task: Task, curve: Curve, times: int = 1) -> Trajectory:
+    """Samples of a curve, between which torques are linear.
+
+    Args:
+        task: the problem and its settings.
+        curve: the motion.
+        times: multiple of the policy's number of samples.
+    """
+    numbers, problem = task.policy.curves, task.problem
+    jumps = not problem.continuous_torque
+    if not can_be_slowed(problem):
+        numbers = replace(numbers, velocity_error=numbers.velocity_error / 20)
+    dry_friction = bool(np.any(np.asarray(problem.robot.friction.coulomb) > 0))
+    finer = times * (numbers.finer[0] if dry_friction or not jumps or not numbers.cruises else 1)
+    # As many as feedback takes to hold an arm that falls or swings during a slow motion.
+    fastest = FASTER * fastest_rate(problem.robot, curve.trajectory(problem.robot, jumps=jumps))
+    numbers = replace(numbers, steps=max(numbers.steps, int(np.ceil(fastest * curve.duration / PER_SAMPLE))))
+    most = numbers.samples * (8 if jumps else 1)  # the feedback's corrections change fast between close samples
+    counts = [finer * sample_counts(problem.robot, leg, problem.limits.velocity, numbers, most) for leg in curve.legs]
+    return curve.trajectory(problem.robot, counts, jumps)
+
+
 _CHECKS = 5
 """Places of an interval, including its ends, at which a torque's second derivatives are estimated."""
 
@@ -215,12 +242,6 @@ def sample_counts(robot: Robot, leg: CurveLeg, speed: Array, numbers: CurvePolic
     return np.asarray(np.ceil(needed), dtype=int)
 
 
-def fine_enough(robot: Robot, motion: Trajectory, numbers: CurvePolicy) -> CurvePolicy:
-    """Numbers with as many samples as feedback takes to hold an arm that falls or swings during a slow motion."""
-    needed = FASTER * fastest_rate(robot, motion) * motion.duration / PER_SAMPLE
-    return replace(numbers, steps=max(numbers.steps, int(np.ceil(needed))))
-
-
 def forced_snap(robot: Robot, leg: CurveLeg) -> Array:
     """M⁻¹τ'' of the torques of a leg, without friction [rad/s⁴ or m/s⁴].
 
@@ -231,11 +252,9 @@ def forced_snap(robot: Robot, leg: CurveLeg) -> Array:
     Returns:
         Values at inner places of every interval, shape (intervals, 3, nv).
     """
-    lengths = np.diff(leg.basis.breaks)[:, None]
-    s = leg.basis.breaks[:-1, None] + lengths * np.linspace(0, 1, _CHECKS)
-    q, v, a = (x.reshape(*s.shape, -1) for x in leg.at(s.ravel()))
+    _, (q, v, a) = _at_places(leg, _CHECKS)
     tau = inverse_dynamics(robot)(q, v, a) - robot.friction.torque(v)
-    step = leg.duration * lengths[..., None] / (_CHECKS - 1)
+    step = leg.duration * np.diff(leg.basis.breaks)[:, None, None] / (_CHECKS - 1)
     inner, acceleration = (q[:, 1:-1], v[:, 1:-1]), forward_dynamics(robot)
     tau, second_difference = tau[:, 1:-1], np.diff(tau, 2, axis=1) / step**2
     return acceleration(*inner, tau + second_difference) - acceleration(*inner, tau)

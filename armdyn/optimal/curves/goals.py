@@ -42,8 +42,13 @@ def slid_goals(problem: MinimumTimeProblem, numbers: GoalPolicy) -> list[Array]:
     begin = problem.poses[-2]
     found = [slid_chain(problem.robot, [None, goal], [begin, q], problem.limits, numbers)[1] for q in problem.goals]
     found.sort(key=lambda q: _time([begin, q], speed, numbers))
-    groups = grouped(found, lambda q, other: float(np.max(np.abs(q - other))) <= numbers.distinct)
+    groups = grouped(found, lambda q, other: _apart(q, other) <= numbers.distinct)
     return [group[0] for group in groups][: numbers.slid]
+
+
+def _apart(q: Array, other: Array) -> float:
+    """Largest difference of a joint's positions [rad or m]; each of shape (nv,)."""
+    return float(np.max(np.abs(q - other)))
 
 
 def slid_chain(
@@ -182,10 +187,6 @@ class _Screened:
     def result(self) -> GoalResult:
         return GoalResult(np.asarray(self.branch.q_goal), self.duration)
 
-    def apart(self, other: "_Screened") -> float:
-        """Largest difference of a joint's positions at two goals [rad or m]."""
-        return float(np.max(np.abs(self.result.q - other.result.q)))
-
     def rank(self) -> tuple[bool, float]:
         """Sort key: goals at which the arm can stay first, then by duration."""
         return self.branch.holding_deficit is not None, self.duration
@@ -225,7 +226,7 @@ def screened(task: Task) -> tuple[list[Task], list[GoalResult]]:
         sampled.sort(key=_Screened.rank)
         moved = sorted((_with_free_end(task, one, task.policy.curves.coarse) for one in sampled), key=_Screened.rank)
         held = [one for one in (moved[0], sampled[0], *moved[1:]) if one.branch.holding_deficit is None] or moved
-        groups = grouped(held, lambda one, other: one.apart(other) <= numbers.distinct)
+        groups = grouped(held, lambda one, other: _apart(one.result.q, other.result.q) <= numbers.distinct)
         best = [group[0] for group in groups][: numbers.solved]
         results = [one.result for one in best] + [one.result for one in moved if one not in best]
         best = [
@@ -257,7 +258,10 @@ def _with_free_end(task: Task, one: _Screened, intervals: int) -> _Screened:
         intervals: number of intervals per leg of the curve.
     """
     pose, problem, spec = task.problem.goal_pose, one.branch, CurveSpec.of(task.for_problem(one.branch))
-    if task.stop or pose is None or one.curve is None or not _chooses(problem, pose, spec):
+    fixed = spec.constraints.required_distances(problem) is not None or problem.continuous_torque
+    if task.stop or pose is None or one.curve is None or fixed or not problem.from_rest_to_rest:
+        return one
+    if not free_directions(problem.robot, pose, np.asarray(problem.q_goal)).size:
         return one
     regions = (*spec.constraints.path_constraints, GoalRegion(pose))
     spec = replace(spec, constraints=replace(spec.constraints, path_constraints=regions))
@@ -268,10 +272,3 @@ def _with_free_end(task: Task, one: _Screened, intervals: int) -> _Screened:
     if exact is not None and solved.curve.duration < one.duration:
         return _Screened(problem.variant(q_goal=exact), solved.curve.duration, solved.curve, chosen=True)
     return one
-
-
-def _chooses(problem: MinimumTimeProblem, pose: GoalPose, spec: CurveSpec) -> bool:
-    """Whether a curve may end at other joint positions near its goal: at rest, and without obstacles."""
-    fixed = spec.constraints.required_distances(problem) is not None or problem.continuous_torque
-    at_rest = problem.from_rest_to_rest and not fixed
-    return at_rest and free_directions(problem.robot, pose, np.asarray(problem.q_goal)).size > 0

@@ -101,11 +101,6 @@ class CurveLayout:
         points = self._before(leg) + np.arange(own * self.joints).reshape(-1, self.joints)
         return np.vstack([self.points(leg - 1)[-1:], points]) if leg in self.joined else points
 
-    @property
-    def all_points(self) -> Index:
-        """Indices of the coordinates of all control points, each once."""
-        return np.unique(np.concatenate([self.points(leg).ravel() for leg in self.legs]))
-
     def windows(self, legs: Sequence[tuple[Basis, Array]]) -> Index:
         """Indices of the control points on which poses depend, shape (poses, WINDOW, joints).
 
@@ -126,7 +121,8 @@ class CurveLayout:
     def units(self, way: float, time: float) -> Array:
         """Units of the unknowns, of control points [rad or m] and durations [s], shape (size,); 1 for torques."""
         units = np.ones(self.size)
-        units[self.all_points], units[[self.duration(k) for k in self.legs]] = way, time
+        for leg in self.legs:
+            units[self.points(leg)], units[self.duration(leg)] = way, time
         return units
 
     def curve(self, guess: Curve, x: Array) -> Curve:

@@ -115,11 +115,6 @@ class LiveProblem:
         return replace(self, problem=problem, program=program, inertia=inertia, distances=distances)
 
     @cached_property
-    def places(self) -> Array:
-        """Breaks and their middles, at which torques are limited, as parts of the duration, shape (places,)."""
-        return _places(self.basis)
-
-    @cached_property
     def samples(self) -> tuple[Array, Array, Index]:
         """Places of all samples, B-splines there, and the samples of each interval, both ends included.
 
@@ -267,11 +262,10 @@ def _curve_program(problem: MinimumTimeProblem, numbers: Policy, basis: Basis) -
 
 
 def _torque_rows(problem: MinimumTimeProblem, basis: Basis, shape: CurveLayout) -> TorqueRows:
-    return TorqueRows(problem.robot, problem.limits.actuators.half_range, [(basis, _places(basis))], shape)
-
-
-def _places(basis: Basis) -> Array:
-    return np.append(np.column_stack([basis.breaks[:-1], (basis.breaks[:-1] + basis.breaks[1:]) / 2]).ravel(), 1.0)
+    """Rows of the torques at breaks and their middles."""
+    middles = (basis.breaks[:-1] + basis.breaks[1:]) / 2
+    places = np.append(np.column_stack([basis.breaks[:-1], middles]).ravel(), 1.0)
+    return TorqueRows(problem.robot, problem.limits.actuators.half_range, [(basis, places)], shape)
 
 
 class Deadline:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -58,7 +57,8 @@ def plan_path(problem: MinimumTimeProblem, seed: int = 0) -> Array:
     candidates = list(paths_through(expect_problem(problem), whole(seed, "seed", least=0), Stop()))
     if not candidates:
         raise ProblemError(NO_PATH)
-    best = min(candidates, key=partial(_seconds, speed=_speed(problem)))
+    speed = _speed(problem)
+    best = min(candidates, key=lambda paths: sum(_times(paths, speed)))
     return np.vstack([leg[bool(k) :] for k, leg in enumerate(best)])
 
 
@@ -112,11 +112,6 @@ def _times(paths: LegPaths, speed: Array) -> list[float]:
     return [float(np.sum(np.max(np.abs(np.diff(path, axis=0)) / speed, axis=1))) for path in paths]
 
 
-def _seconds(paths: LegPaths, speed: Array) -> float:
-    """Time of a path at joint speeds, shape (nv,) [rad/s or m/s]."""
-    return sum(_times(paths, speed))
-
-
 def _speed(problem: MinimumTimeProblem) -> Array:
     """Velocity limits [rad/s or m/s], shape (nv,); the largest for a joint without a limit, 1 if there are none."""
     limits = problem.limits.velocity
@@ -151,7 +146,7 @@ def guesses_along(task: Task, planned: Iterator[LegPaths]) -> Iterator[Curve]:
     """Curves along the first path and the shortest of the others, then the options' guesses."""
     numbers, speed = task.policy.sequential, _speed(task.problem)
     yield from (_guess(task, paths) for paths in islice(planned, 1))
-    others = sorted(planned, key=partial(_seconds, speed=speed))
+    others = sorted(planned, key=lambda paths: sum(_times(paths, speed)))
     yield from (_guess(task, paths) for paths in others[: numbers.paths - 1])
     if len(task.problem.poses) == 2:
         (basis,) = _bases(task, [1.0])

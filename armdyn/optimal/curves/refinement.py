@@ -12,17 +12,15 @@ from armdyn.optimal.curves.excess import (
     Tightening,
     accepted_excess,
     excesses_of,
-    fine_enough,
     larger_margin,
     round_words,
-    sample_counts,
+    sampled,
     worst_excess,
 )
 from armdyn.optimal.curves.layout import CurveSpec, TorqueMargin
 from armdyn.optimal.curves.solve import Solved, solve_curve
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.within_limits import can_be_slowed, constraints_mended, follow, least_factor
-from armdyn.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +51,8 @@ def refine_curve(
 ) -> RefinedCurve:
     """The fastest curve near a guess, within its torque limits and path constraints everywhere.
 
-    An excess of a torque between two points becomes a margin of the limit there, and the program is solved again.
+    An excess of a torque between two points becomes a margin of the limit there, and the program is solved again, until
+    the limits hold between the points, too.
 
     Args:
         task: the problem and its settings.
@@ -65,7 +64,27 @@ def refine_curve(
     spec = CurveSpec.of(task) if spec is None else spec
     tightening = Tightening(task, guess, spec)
     solved = solve_curve(task, guess, spec, near, tightening, only_sequential)
-    return _in_rounds(task, solved, tightening.spec if solved.sequential else spec)
+    spec = tightening.spec if solved.sequential else spec
+    numbers, iterations, enough = task.policy.curves, solved.result.iterations, accepted_excess(task)
+    worst = last = np.inf
+    for k in range(numbers.rounds):
+        over = excesses_of(task, solved.curve)
+        kept = reports_on(task, solved.curve, spec.constraints)
+        worst = worst_excess(over)
+        if (worst <= enough and constraints_mended(task, kept)) or task.stop or not solved.converged:
+            break
+        task.progress(round_words(k + 1, solved.curve, over))
+        before, spec = spec.constraints.path_constraints, _tighter(task, spec, over, kept)
+        if worst <= enough and all(map(is_, before, spec.constraints.path_constraints)):
+            break  # no constraint can be tightened further
+        # Margins of limits that are not active do not change steps; IPOPT's barrier responds to them.
+        solved, last = replace(solved, sequential=solved.sequential and worst < last), worst
+        again = solve_curve(task, solved.curve, spec, solved)
+        iterations += again.result.iterations
+        if not again.converged:
+            break
+        solved = again
+    return slowed_to_limits(task, solved, spec, iterations, numbers.small_excess)
 
 
 def calm_curve(task: Task, fastest: RefinedCurve, share: float) -> RefinedCurve:
@@ -90,78 +109,39 @@ def calm_curve(task: Task, fastest: RefinedCurve, share: float) -> RefinedCurve:
     return replace(found, solved=fastest.solved, iterations=fastest.iterations + found.iterations, calm=given)
 
 
-def _in_rounds(task: Task, solved: Solved, spec: CurveSpec) -> RefinedCurve:
-    """Tighten a specification and solve it again until the limits hold between the points, too.
-
-    Args:
-        task: the problem and its settings.
-        solved: the first round.
-        spec: requirements of the first round.
-    """
-    numbers, iterations, enough = task.policy.curves, solved.result.iterations, accepted_excess(task)
-    worst = last = np.inf
-    for k in range(numbers.rounds):
-        over = excesses_of(task, solved.curve)
-        kept = reports_on(task, solved.curve, spec.constraints)
-        worst = worst_excess(over)
-        if (worst <= enough and constraints_mended(task, kept)) or task.stop or not solved.converged:
-            break
-        task.progress(round_words(k + 1, solved.curve, over))
-        before, spec = spec.constraints.path_constraints, _tighter(task, spec, over, kept)
-        if worst <= enough and all(map(is_, before, spec.constraints.path_constraints)):
-            break  # no constraint can be tightened further
-        # Margins of limits that are not active do not change steps; IPOPT's barrier responds to them.
-        solved, last = replace(solved, sequential=solved.sequential and worst < last), worst
-        again = solve_curve(task, solved.curve, spec, solved)
-        iterations += again.result.iterations
-        if not again.converged:
-            break
-        solved = again
-    curve, over = solved.curve, excesses_of(task, solved.curve)
-    if can_be_slowed(task.problem):
-        curve, over = _within_limits(task, curve, over, numbers.small_excess)
-    reports = reports_on(task, curve, spec.constraints)
-    return RefinedCurve(curve, solved, spec, iterations, worst_excess(over), reports)
-
-
 def _tighter(task: Task, spec: CurveSpec, over: tuple[TorqueMargin, ...], reports: ConstraintReports) -> CurveSpec:
     """Specification with larger torque margins and tightened constraints, by the excesses."""
     more = tuple(larger_margin(spec.margin(k), here, task.policy.curves) for k, here in enumerate(over))
     return replace(spec, margins=more, constraints=spec.constraints.tightened(task.problem, reports))
 
 
-def _within_limits(
-    task: Task, fast: Curve, over: tuple[TorqueMargin, ...], most: float
-) -> tuple[Curve, tuple[TorqueMargin, ...]]:
-    """Slow a curve down to its limits, as far as that helps; return the curve and the remaining excess.
+def slowed_to_limits(
+    task: Task, solved: Solved, spec: CurveSpec, iterations: int, most: float = np.inf
+) -> RefinedCurve:
+    """Slow a curve down to its limits, as far as that helps; unchanged where no motion can be slowed down.
 
     Args:
         task: task with the limits.
-        fast: the curve.
-        over: excess of torques.
-        most: largest excess that slowing down removes, as a part of half the range.
+        solved: the curve.
+        spec: its requirements, whose path constraints are checked.
+        iterations: iterations so far.
+        most: largest excess of a torque between samples that slowing down removes, as a part of half the range.
     """
-    curve = _slowed(task, fast)
-    over = over if curve is fast else excesses_of(task, curve)
-    numbers = task.policy.curves
-    for _ in range(numbers.rounds):  # excesses between samples
-        if not 0 < worst_excess(over) <= most:
+    curve, problem, numbers = solved.curve, task.problem, task.policy.curves
+    rounds = numbers.rounds if can_be_slowed(problem) else 0
+    exact = problem.limits.actuators.constant and not problem.robot.friction.present
+    for _ in range(min(rounds, 1) if exact else rounds):
+        factor = least_factor(problem.robot, problem.limits, sampled(task, curve))
+        if factor == 1 or not np.isfinite(factor):
             break
-        curve = curve.slower(1 + numbers.slower * worst_excess(over))
-        over = excesses_of(task, curve)
-    return curve, over
-
-
-def slowed_to_limits(task: Task, refined: RefinedCurve) -> RefinedCurve:
-    """Slow a refined curve down to its limits, if refinement left them exceeded.
-
-    Args:
-        task: task whose motions can be slowed down.
-        refined: the curve; its path constraints are checked again.
-    """
-    curve, over = _within_limits(task, refined.curve, excesses_of(task, refined.curve), np.inf)
-    reports = reports_on(task, curve, refined.spec.constraints)
-    return replace(refined, curve=curve, excess=worst_excess(over), reports=reports)
+        curve = curve.slower(factor)
+    excess = worst_excess(excesses_of(task, curve))
+    for _ in range(rounds):  # excesses between samples
+        if not 0 < excess <= most:
+            break
+        curve = curve.slower(1 + numbers.slower * excess)
+        excess = worst_excess(excesses_of(task, curve))
+    return RefinedCurve(curve, solved, spec, iterations, excess, reports_on(task, curve, spec.constraints))
 
 
 def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
@@ -172,8 +152,7 @@ def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
         guess: initial guess.
     """
     numbers, most_excess = task.policy.sequential, task.policy.curves.most_excess
-    constraints = TightenedConstraints.of(task)
-    spec = CurveSpec(constraints)
+    spec = CurveSpec(TightenedConstraints.of(task))
     found, solved, iterations = list[RefinedCurve](), None, 0
 
     def rank(one: RefinedCurve) -> tuple[bool, bool, float]:
@@ -184,18 +163,14 @@ def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
     for k in range(task.policy.curves.rounds):
         solved = solve_curve(task, guess if solved is None else solved.curve, spec, solved)
         iterations += solved.result.iterations
-        over = excesses_of(task, solved.curve)
-        curve, left = solved.curve, over
-        if can_be_slowed(task.problem):
-            curve, left = _within_limits(task, curve, over, most_excess)
-        reports = reports_on(task, curve, spec.constraints)
-        found.append(RefinedCurve(curve, solved, spec, iterations, worst_excess(left), reports))
+        found.append(slowed_to_limits(task, solved, spec, iterations, most_excess))
+        curve, reports = found[-1].curve, found[-1].reports
         little = curve.duration < (1 + numbers.enough * 2**k) * solved.curve.duration
         good = not any(rank(found[-1])[:2])
         task.progress(f"round {k + 1}: {curve.duration:.4f} s{'' if good else ', limits are not satisfied yet'}")
         if task.stop or (good and little):
             break
-        spec = _tighter(task, spec, over, reports)
+        spec = _tighter(task, spec, excesses_of(task, solved.curve), reports)
     return replace(min(found, key=rank), iterations=iterations)
 
 
@@ -213,66 +188,3 @@ def reports_on(task: Task, curve: Curve, constraints: TightenedConstraints) -> C
     if not can_be_slowed(task.problem):  # the feedback's corrections are not removed later
         motion = follow(task, motion)
     return constraints.check(task.problem, motion, curve.passing)
-
-
-def sampled(task: Task, curve: Curve, times: int = 1) -> Trajectory:
-    """Samples of a curve, between which torques are linear.
-
-    Args:
-        task: the problem and its settings.
-        curve: the motion.
-        times: multiple of the policy's number of samples.
-    """
-    numbers, problem = task.policy.curves, task.problem
-    jumps = not problem.continuous_torque
-    if not can_be_slowed(problem):
-        numbers = replace(numbers, velocity_error=numbers.velocity_error / 20)
-    dry_friction = bool(np.any(np.asarray(problem.robot.friction.coulomb) > 0))
-    finer = times * (numbers.finer[0] if dry_friction or not jumps or not numbers.cruises else 1)
-    numbers = fine_enough(problem.robot, curve.trajectory(problem.robot, jumps=jumps), numbers)
-    most = numbers.samples * (8 if jumps else 1)  # the feedback's corrections change fast between close samples
-    counts = [finer * sample_counts(problem.robot, leg, problem.limits.velocity, numbers, most) for leg in curve.legs]
-    return curve.trajectory(problem.robot, counts, jumps)
-
-
-def _slowed(task: Task, curve: Curve) -> Curve:
-    """The same path, slowed down until torques and speeds are within their limits; unchanged if no pace is."""
-    exact = task.problem.limits.actuators.constant and not task.problem.robot.friction.present
-    for _ in range(task.policy.curves.rounds):
-        factor = least_factor(task.problem.robot, task.problem.limits, sampled(task, curve))
-        if factor == 1 or not np.isfinite(factor):
-            break
-        curve = curve.slower(factor)
-        if exact:
-            break
-    return curve
-
-
-def within_constraints(
-    task: Task, curve: Curve, replay: Trajectory, constraints: TightenedConstraints
-) -> tuple[Curve, Trajectory, ConstraintReports]:
-    """Check the path constraints; slow the curve down where its replay exceeds them much, or Coulomb friction acts.
-
-    Lines between samples miss the bend of the torque of Coulomb friction, which shakes light joints beyond their jerk
-    limits: such a curve is sampled finer before it is slowed down. `slowed`, which slows down the replay itself, would
-    end off the goal there, and where the arm is unstable.
-
-    Args:
-        task: the problem.
-        curve: the motion.
-        replay: of it.
-        constraints: to be checked.
-    """
-    problem = task.problem
-    reports = constraints.check(problem, replay, curve.passing)
-    rubs = bool(np.any(np.asarray(problem.robot.friction.coulomb) > 0))
-    finer = task.policy.curves.finer[1:] if rubs else ()
-    needed = can_be_slowed(problem) and (rubs or not constraints_mended(task, reports))
-    for k in range(len(finer) + task.policy.path_constraints.rounds if needed else 0):
-        if reports.slowing == 1 or not np.isfinite(reports.slowing):
-            break
-        if k >= len(finer):
-            curve = curve.slower(reports.slowing + task.policy.path_constraints.slower)
-        replay = follow(task, sampled(task, curve, max(finer[: k + 1], default=1)))
-        reports = constraints.check(problem, replay, curve.passing)
-    return curve, replay, reports

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import armdyn as ad
 from armdyn.optimal.curves.curve import Basis, Curve, graded
-from armdyn.optimal.curves.refinement import sampled
+from armdyn.optimal.curves.excess import sampled
 from armdyn.optimal.problem.task import Task
 from armdyn.optimal.verify.rollout import replay_torques, ticked
 from armdyn.optimal.verify.within_limits import excesses, follow, limit_violation, paced, paced_torques, worst_violation
