@@ -156,7 +156,8 @@ class LiveProblem:
 
     def bounds(self, at: Iterate, margins: TorqueMargin) -> Bounds:
         """Torque limits less the reserve and margins, in the states of an iterate, as parts of half the ranges."""
-        lower, upper = self.problem.limits.actuators.range(at.torques.q, at.torques.v)
+        ranges = self.problem.limits.actuators.range(at.torques.q, at.torques.v)
+        lower, upper = (np.broadcast_to(side, at.torques.q.shape) for side in ranges)
         kept = self.numbers.live.reserve
         return lower / self.half + kept + margins.lower, upper / self.half - kept - margins.upper
 
