@@ -4,7 +4,7 @@ Torques are eliminated: they are functions of control points and durations.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
@@ -33,6 +33,8 @@ from armdyn.optimal.problem.task import Task
 class CurveCost:
     """Cost in seconds: durations, control points, torques; quadratic except for products of durations and efforts.
 
+    By default torques have no price.
+
     Attributes:
         durations: indices of the durations, shape (legs,).
         moving: price of squared velocities or accelerations: matrix of shape (unknowns, unknowns) [s].
@@ -44,10 +46,10 @@ class CurveCost:
 
     durations: Index
     moving: sp.csr_matrix
-    of_point: Index
-    tie: Array
-    effort: Array
-    steps: Array
+    of_point: Index = field(default_factory=lambda: np.empty(0, dtype=int))
+    tie: Array = field(default_factory=lambda: np.empty(0))
+    effort: Array = field(default_factory=lambda: np.empty((0, 1)))
+    steps: Array = field(default_factory=lambda: np.empty(0))
 
     @cached_property
     def priced(self) -> bool:
@@ -56,8 +58,9 @@ class CurveCost:
 
     def value(self, x: Array, tau: Array) -> float:
         """Cost of unknowns, shape (unknowns,), with their torques, shape (points, joints)."""
-        steps = self.steps[:, None] * np.diff(tau, axis=0) ** 2
-        squares = x @ (self.moving @ x) + np.sum(self._prices(x) * tau**2) + np.sum(steps)
+        squares = x @ (self.moving @ x)
+        if self.priced:
+            squares += np.sum(self._prices(x) * tau**2) + np.sum(self.steps[:, None] * np.diff(tau, axis=0) ** 2)
         return float(np.sum(x[self.durations]) + squares / 2)
 
     def gradient(self, x: Array, at: TorqueParts) -> Array:

@@ -243,19 +243,11 @@ def _curve_program(problem: MinimumTimeProblem, numbers: Policy, basis: Basis) -
     if np.any(np.isfinite(acceleration)):
         rows.append(rates(2, acceleration * (1 - policy.least_reserve)))
     squares = numbers.sequential.smooth * basis.squared(2, POINTS)
-    cost = CurveCost(
-        durations=np.array([duration]),
-        moving=quadratic_form(shape, [squares], finite(limits.velocity)),
-        of_point=np.array([duration]),
-        tie=np.zeros(1),
-        effort=np.zeros((1, n)),
-        steps=np.zeros(1),
-    )
     return CurveProgram(
         shape=shape,
         torque_rows=_torque_rows(problem, basis, shape),
         derivative_rows=tuple(rows),
-        cost=cost,
+        cost=CurveCost(np.array([duration]), quadratic_form(shape, [squares], finite(limits.velocity))),
         bounds=(lower, upper),
         free=free,
         torques=np.empty((0, n), dtype=int),

@@ -8,7 +8,6 @@ from armdyn.arrays import Array
 from armdyn.optimal.curves.curve import DEGREE, CurveLeg
 from armdyn.optimal.curves.live import LiveProblem, acceleration_excess
 from armdyn.optimal.problem.checks import held
-from armdyn.optimal.problem.policy.curves import LivePolicy
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.verify.certificate import LIMIT_TOLERANCE
 from armdyn.optimal.verify.within_limits import limit_violation
@@ -49,22 +48,6 @@ class LastMotion:
             t = float(np.clip(t + derivative / size if size > 0 else t, motion.t[0], motion.t[-1]))
         return t
 
-    def rest(self, q: Array, v: Array, policy: LivePolicy) -> Trajectory | None:
-        """The rest of the motion from a state on, from t = 0; None: the state is not on the motion.
-
-        Args:
-            q: positions [rad or m], shape (nv,).
-            v: velocities [rad/s or m/s], shape (nv,).
-            policy: tolerances of a state on the motion.
-        """
-        t = self.passed(q, v)
-        at, end = self.motion(t), float(self.motion.t[-1])
-        far = max(np.max(np.abs(at.q - q)), np.max(np.abs(at.v - v)) / 100)
-        if far > policy.same_position or end - t < _LEAST:
-            return None
-        left = self.motion.slice(t, end)
-        return replace(left, t=left.t - t, name="rest of the last motion")
-
 
 def fallback(live: LiveProblem, last: LastMotion | None) -> tuple[Status, Trajectory] | None:
     """A motion to rest within all limits, and its status; None if none of those tried is within them.
@@ -82,9 +65,16 @@ def fallback(live: LiveProblem, last: LastMotion | None) -> tuple[Status, Trajec
 
 def rest_of_last(live: LiveProblem, last: LastMotion) -> Trajectory | None:
     """The rest of the last motion from the start state on; None: the state is not on it, or a limit is violated now."""
-    rest = last.rest(live.problem.poses[0], live.v, live.numbers.live)
-    fits = rest is not None and rest.model_hash == live.problem.robot.model_hash and _within_limits(live, rest)
-    return rest if fits else None
+    q = live.problem.poses[0]
+    t, end = last.passed(q, live.v), float(last.motion.t[-1])
+    at = last.motion(t)
+    far = max(np.max(np.abs(at.q - q)), np.max(np.abs(at.v - live.v)) / 100)
+    on_it = far <= live.numbers.live.same_position and last.motion.model_hash == live.problem.robot.model_hash
+    if not on_it or end - t < _LEAST:
+        return None
+    left = last.motion.slice(t, end)
+    rest = replace(left, t=left.t - t, name="rest of the last motion")
+    return rest if _within_limits(live, rest) else None
 
 
 def at_rest(live: LiveProblem, q: Array) -> Trajectory | None:

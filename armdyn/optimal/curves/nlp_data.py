@@ -64,11 +64,15 @@ def assemble_curve(
         _fix_ends(problem, k, points, (lower, upper), free=_ends_free(spec.constraints))
     for values in (x, lower, upper):
         values /= shape.units(way, time)
+    speeds = finite(limits.velocity)  # scales of the velocities where legs meet
+    if problem.has_regions:
+        # Violations in sequential convexification are priced per scale: a scale far above the motion's speeds is free.
+        speeds = np.minimum(speeds, max(float(np.max(np.ptp(leg.points, axis=0))) / leg.duration for leg in guess.legs))
     for k in shape.legs[1:]:
         for order in range(1, shape.smooth + 1):
             sides = guess.legs[k - 1].basis.differences(order)[-1], guess.legs[k].basis.differences(order)[0]
             factors = by_order[order] * np.concatenate(sides)
-            blocks.append((np.append(factors, 1 / _meeting_speeds(problem, guess)), np.zeros(n), np.zeros(n)))
+            blocks.append((np.append(factors, 1 / speeds), np.zeros(n), np.zeros(n)))
     blocks += _torque_rates(task, spec, guess)
     blocks += _rows(task, guess, spec.constraints)
     squares = problem.effort_weights() * half**2
@@ -84,15 +88,6 @@ def travel_scales(task: Task, guess: Curve) -> Array:
     most = guess.duration * finite(task.problem.limits.velocity)
     ways = np.sum([np.abs(leg.points[-1] - leg.points[0]) for leg in guess.legs], axis=0)
     return np.asarray(most * np.sqrt(ways / most + task.policy.curves.resting_speed))
-
-
-def _meeting_speeds(problem: MinimumTimeProblem, guess: Curve) -> Array:
-    """Scales of the velocities in the continuity equations between legs [rad/s or m/s], shape (nv,)."""
-    limits = finite(problem.limits.velocity)
-    if not problem.has_regions:
-        return limits
-    # Violations in sequential convexification are priced per scale: a scale far above the motion's speeds is free.
-    return np.minimum(limits, max(float(np.max(np.ptp(leg.points, axis=0))) / leg.duration for leg in guess.legs))
 
 
 def _rates(

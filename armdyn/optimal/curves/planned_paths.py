@@ -156,19 +156,17 @@ def guesses_along(task: Task, planned: Iterator[LegPaths]) -> Iterator[Curve]:
 def _guess(task: Task, paths: LegPaths) -> Curve:
     """A curve along a path, slow enough for the torques where these shape the motion."""
     problem, speed = task.problem, _speed(task.problem)
-    times = _times(paths, speed)
-    durations = task.policy.curves.slack * np.maximum(times, _ramp_times(problem) if problem.has_regions else 0.0)
+    times = np.array(_times(paths, speed))
+    if problem.has_regions:  # the slowest joint, alone and from rest, accelerates over each leg
+        inertia = np.diag(joint_inertia(problem.robot)(problem.poses[0]))
+        travel, half = np.abs(np.diff(problem.poses, axis=0)), problem.limits.actuators.half_range
+        times = np.maximum(times, np.max(np.sqrt(2 * travel * inertia / half), axis=1))
+    durations = task.policy.curves.slack * times
     curve = Curve.along(paths, _bases(task, durations), durations, speed, flying=problem.has_regions)
     if task.policy.curves.cruises:
         return curve
     factor = least_factor(problem.robot, problem.limits, curve.trajectory(problem.robot))
     return curve.slower(float(np.clip(factor, 0.1, 10.0)) if np.isfinite(factor) else 1.0)
-
-
-def _ramp_times(problem: MinimumTimeProblem) -> Array:
-    """Times in which the slowest joint, alone and from rest, accelerates over each leg [s], shape (legs,)."""
-    inertia, travel = np.diag(joint_inertia(problem.robot)(problem.poses[0])), np.abs(np.diff(problem.poses, axis=0))
-    return np.asarray(np.max(np.sqrt(2 * travel * inertia / problem.limits.actuators.half_range), axis=1))
 
 
 def _bases(task: Task, durations: ArrayLike, fine: bool = False) -> list[Basis]:

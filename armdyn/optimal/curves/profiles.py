@@ -116,8 +116,7 @@ def _before(parts: Array) -> Array:
 
 def _samples(task: Task, curve: Curve) -> list[int]:
     """Number of samples of every leg. Between samples h apart a jerk is off by up to h/2 M⁻¹τ''."""
-    problem, numbers = task.problem, task.policy.curves
-    jerk = np.inf if problem.jerk_limit is None else np.asarray(problem.jerk_limit)
+    problem, numbers, (_, jerk) = task.problem, task.policy.curves, task.problem.rates
     least = task.policy.path_constraints.slow_samples / curve.duration
     counts = []
     for leg in curve.legs:

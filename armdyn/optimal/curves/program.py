@@ -115,11 +115,15 @@ def rate_equations(joints: int, order: int) -> IntervalFunctions:
     Unknowns: order + 1 control points of the curve, the leg's duration T.
     Parameters: factors of these, shape (order + 1,); one over the limits, shape (nv,).
     """
-    points, duration = ca.SX.sym("points", joints, order + 1), ca.SX.sym("T")
-    factors, over = ca.SX.sym("factors", order + 1), ca.SX.sym("over", joints)
-    rates = (points @ factors) / duration**order * over
-    y, p = ca.vertcat(ca.vec(points), duration), ca.vertcat(factors, over)
-    return differentiated(f"rate{order}", y, p, rates, None, False)
+    (y, factors, rates), over = _derivative(joints, order), ca.SX.sym("over", joints)
+    return differentiated(f"rate{order}", y, ca.vertcat(factors, over), rates * over, None, False)
+
+
+def _derivative(joints: int, order: int, leg: str = "") -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Unknowns and factors of `rate_equations`, and the control point of the time derivative."""
+    points, duration = ca.SX.sym(f"points{leg}", joints, order + 1), ca.SX.sym(f"T{leg}")
+    factors = ca.SX.sym(f"factors{leg}", order + 1)
+    return ca.vertcat(ca.vec(points), duration), factors, (points @ factors) / duration**order
 
 
 @built_once(maxsize=16)
@@ -129,16 +133,10 @@ def meeting_equations(joints: int, order: int) -> IntervalFunctions:
     Unknowns: order + 1 control points and the duration of one leg, then of the other.
     Parameters: factors of these points, shape (2, order + 1); one over the scale, shape (nv,).
     """
-    count = joints * (order + 1)
-    y, over = ca.SX.sym("y", 2 * (count + 1)), ca.SX.sym("over", joints)
-    factors = ca.SX.sym("factors", 2 * (order + 1))
-    sides = []
-    for side in range(2):
-        own = y[side * (count + 1) : (side + 1) * (count + 1)]
-        part = factors[side * (order + 1) : (side + 1) * (order + 1)]
-        sides.append(ca.reshape(own[:count], joints, order + 1) @ part / own[count] ** order)
-    gap = (sides[0] - sides[1]) * over
-    return differentiated(f"meeting{order}", y, ca.vertcat(factors, over), gap, None, False)
+    y, factors, rates = zip(*(_derivative(joints, order, leg) for leg in ("before", "after")), strict=True)
+    over = ca.SX.sym("over", joints)
+    gap = (rates[0] - rates[1]) * over
+    return differentiated(f"meeting{order}", ca.vertcat(*y), ca.vertcat(*factors, over), gap, None, False)
 
 
 @built_once(maxsize=16)

@@ -13,7 +13,7 @@ from armdyn.locks import forget
 from armdyn.optimal.constraints.rows import StageRows
 from armdyn.optimal.curves.curve import Basis, Curve, graded
 from armdyn.optimal.curves.curve_program import CurveProgram, curve_program
-from armdyn.optimal.curves.layout import CurveLayout, CurveSpec, curve_layout
+from armdyn.optimal.curves.layout import CurveLayout, CurveSpec, curve_layout, finite
 from armdyn.optimal.curves.nlp_data import assemble_curve
 from armdyn.optimal.curves.program import build, rows_of
 from armdyn.optimal.curves.sequential import Sequence, Sequential, Tighten
@@ -204,8 +204,7 @@ def straight_curve(task: Task, intervals: int) -> Curve:
 
 def _ramped_times(problem: MinimumTimeProblem) -> Array:
     """Times of the legs from rest to rest at the velocity limits, with ramps of limited jerk [s], shape (legs,)."""
-    v = np.where(np.isfinite(problem.limits.velocity), problem.limits.velocity, 1.0)
-    acceleration, jerk = problem.rates
+    v, (acceleration, jerk) = finite(problem.limits.velocity), problem.rates
     ramps = 2 * np.sqrt(v / jerk) + v / acceleration
     travel = np.abs(np.diff(problem.poses, axis=0))
     return np.asarray(np.max(np.where(travel > 0, travel / v + ramps, 0.0), axis=1))
