@@ -114,7 +114,7 @@ def test_a_cycle_is_planned_without_torques(folder):
     assert not np.any(ad.Trajectory.load(folder / "c/trajectory.npz").tau)
 
 
-def test_the_comparison_says_that_there_are_no_torques(folder):
+def test_the_comparison_says_that_there_are_no_torques(folder, unrendered):
     """It said 0 J and 0 %."""
     for limit in ("5", "4"):
         run_json("mintime", "arm.urdf", *POSES, "--kinematic", "--acceleration-limit", limit, "--no-figure",

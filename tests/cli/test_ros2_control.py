@@ -122,7 +122,7 @@ def test_a_rate_that_breaks_a_limit_between_rows_is_raised_or_refused_with_one_t
 
 @pytest.mark.slow
 def test_a_table_at_a_rate_too_low_is_written_with_the_rate_that_would_do_and_every_command_says_the_same(
-    planned, tmp_path
+    planned, tmp_path, unrendered
 ):
     folder, table = planned("rrr"), tmp_path / "trajectory.csv"
     limits, joints = limits_of(folder)

@@ -81,11 +81,6 @@ def between(arm, robot=None, **more):
     return ad.MinimumTimeProblem(robot or paper_arm(arm), q_start=start, q_goal=goal, **more)
 
 
-def rubbing(arm):
-    """An arm of the paper with friction."""
-    return paper_arm(arm).with_friction(friction=0.05, damping=0.02)
-
-
 def posed(arm, **more):
     """The paper's start, and a place for the tip, which two links reach in two ways and three in many."""
     return ad.MinimumTimeProblem(
@@ -93,7 +88,6 @@ def posed(arm, **more):
     )
 
 
-INSIDE = {"position_limit": ([-2.0, -0.3], [1.0, 0.3])}
 BALL = ad.Sphere((0.3, 0.0, -0.1), 0.05)
 
 MESH = ("strategy", {"methods": ("mesh",), "bounded": False})
@@ -102,17 +96,7 @@ SOLVES = {
     "switching times": lambda: noted(between("r")),
     "the mesh's own motion": lambda: noted(between("r"), (("polish", {"rounds": 0}),)),
     "a thorough search": lambda: noted(between("r"), search="thorough"),
-    "position limits": lambda: noted(between("rr", **INSIDE), starts=4),
-    "friction": lambda: noted(between("r", rubbing("r"))),
     "time and energy": lambda: noted(between("r", effort_weight=1.0), starts=2),
-    "time and energy, with a position limit that is touched": lambda: noted(
-        ad.MinimumTimeProblem(
-            paper_arm("r"), q_start=[0], v_start=[3], q_goal=[-0.5], effort_weight=1.0, position_limit=([-2], [0.035])
-        ),
-        starts=1,
-    ),
-    "time and energy with friction": lambda: noted(between("r", rubbing("r"), effort_weight=1.0), starts=1),
-    "via points": lambda: noted(between("rr", via=[[-0.7, 0.8]]), starts=2),
     "a via region": lambda: noted(
         between("rr", via=[ad.GoalPose("tip", (0.3, 0, -0.1), tolerance=[0.02] * 3 + [0] * 3)])
     ),
@@ -129,9 +113,6 @@ SOLVES = {
         starts=1,
         max_intervals=40,
     ),
-    "arcs that are not resolved": lambda: noted(
-        between("rr", **INSIDE), [("motion_mesh", {"rounds": 1, "most": 1})], starts=2
-    ),
     "meshes that do not converge, and one that is divided": lambda: noted(
         between("rr", velocity_limit=20.0),
         [MESH, ("motion_mesh", {"iterations": 1, "rounds": 2})],
@@ -139,27 +120,11 @@ SOLVES = {
     ),
     "in flight": lambda: noted(between("r", velocity_limit=3.0, v_start=[3.0], acceleration_limit=100.0), starts=1),
     "profiles": lambda: noted(between("rr", velocity_limit=3.0, acceleration_limit=20.0, jerk_limit=500.0)),
-    "velocity limits and friction": lambda: noted(between("r", rubbing("r"), velocity_limit=3.0), starts=2),
-    "a replay far from its curve": lambda: noted(
-        between("r", rubbing("r"), velocity_limit=3.0),
-        [("curves", {"samples": 1, "steps": 4, "bandwidth": 1.0})],
-        starts=1,
-        calm=0.0,
-    ),
-    "curves that do not converge": lambda: noted(
-        ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[1.0], velocity_limit=0.5),
-        [("sequential", {"steps": 1}), ("curves", {"patience": 2})],
-    ),
     "three joints": lambda: noted(random_problem(2), starts=3),
     "a contact": lambda: noted(random_problem(5), starts=3),
     "changes of optima": lambda: noted(paper_problem("rrr", 0.1505), starts=16),
     "a search that is done again": lambda: noted(
         between("rr"), [("search", {"too_coarse": 0.5, "too_coarse_confirmed": 0.5})], starts=2
-    ),
-    "a search at a velocity limit that is done again": lambda: noted(
-        between("rr", velocity_limit=8.0),
-        [MESH, ("search", {"too_coarse": 0.5})],
-        starts=2,
     ),
     "a ball in the way, with steps that are not taken at once": lambda: noted(
         between("rr", obstacles=[ad.Sphere((0.3, 0, -0.1), 0.04)]), [("sequential", {"eager": 0})], starts=1
@@ -194,14 +159,6 @@ def bounds_of_a_pose():
     problem = posed("rr", velocity_limit=10.0)
     for policy in (Noted.of(problem), Noted.of(problem).changed("bound", few=1)):
         lower_bound(problem, policy=policy.bound)
-
-
-def bound_of_a_chain():
-    """To any joint positions of a pose, and back, slower than it could be: so that there is something to improve."""
-    problem = between("rr", velocity_limit=10.0)
-    home = np.array(POSES["rr"][0])
-    stops = [home, ad.GoalPose("tip", [0.35, 0, 0.1]), home]
-    chain_bound([problem, problem], stops, 1.0, Effort(600), Noted.of(problem).bound)
 
 
 def bound_of_a_line():
@@ -282,7 +239,6 @@ CALLS = (
     guesses_round_a_ball,
     constraints_that_are_tightened,
     bounds_of_a_pose,
-    bound_of_a_chain,
     bound_of_a_line,
     goals_as_coarse_curves,
     a_guess_with_ramps,
