@@ -80,9 +80,9 @@ def test_a_problem_that_kills_its_workers_does_not_stop_the_others(monkeypatch):
 
 INTERRUPTED = """
 import armdyn as ad, numpy as np
-arm = ad.Robot.from_spec(ad.ArmSpec.paper("rrr"))
-goals = np.random.default_rng(3).uniform(-1, 1, (60, 3))
-requests = [ad.MinimumTimeProblem(arm, q_start=np.zeros(3), q_goal=goal) for goal in goals]
+arm = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
+goals = np.random.default_rng(3).uniform(-1, 1, (60, 2))
+requests = [ad.MinimumTimeProblem(arm, q_start=np.zeros(2), q_goal=goal) for goal in goals]
 found = ad.solve_many(requests, ad.MinimumTimeOptions(starts=6, workers=WORKERS), lambda text: print(text, flush=True))
 print("left", sum(one.status == "interrupted" for one in found), "usable", sum(one.usable for one in found), flush=True)
 """
