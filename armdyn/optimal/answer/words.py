@@ -229,15 +229,10 @@ def _turns(result: Result) -> dict[str, str]:
     """Turns of endless joints, where another way round was open or was taken."""
     problem, wrap = result.problem, result.problem.wrap
     away = (problem.x_goal - problem.x_start)[: problem.robot.nv]
-    far = [
-        f"{name} turns {angle:.4g} rad"
-        for name, angle, turns in zip(
-            problem.robot.joint_names, away, endless(problem.robot, problem.limits), strict=True
-        )
-        if turns and (wrap or abs(angle) > np.pi)
-    ]
+    far = np.flatnonzero(endless(problem.robot, problem.limits) & ((np.abs(away) > np.pi) | wrap))
+    said = ", ".join(f"{problem.robot.joint_names[i]} turns {away[i]:.4g} rad" for i in far)
     hint = "" if wrap else ", as its goal says; with `wrap` it may go the other way round"
-    return {"way round": ", ".join(far) + hint} if far else {}
+    return {"way round": said + hint} if said else {}
 
 
 def solution_words(result: Result) -> dict[str, str]:
