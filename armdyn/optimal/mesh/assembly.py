@@ -20,20 +20,8 @@ from armdyn.optimal.mesh.layout import Layout, Parameters
 from armdyn.optimal.problem.options import Scheme
 
 
-@dataclass(frozen=True)
-class _ScaledStages:
-    """One interval: unknowns y = (knot, inner, next knot), parameters p, states and torques at its stages."""
-
-    y: ca.SX
-    p: ca.SX
-    states: list[ca.SX]
-    torques: list[ca.SX]
-    velocities: list[ca.SX]
-    accelerations: list[ca.SX]
-
-
-def _scaled_stages(dynamics: Dynamics, scheme: Scheme) -> _ScaledStages:
-    """Scaled states and torques, velocities, accelerations [rad/s²]."""
+def _stages(dynamics: Dynamics, scheme: Scheme) -> tuple[Stages, list[ca.SX], list[ca.SX]]:
+    """Stages of one interval with unknowns y = (knot, inner, next knot), and the scaled states and torques there."""
     n, layout = dynamics.nv, Layout(dynamics.nv, scheme)
     y, p = ca.SX.sym("y", layout.width), ca.SX.sym("p", Parameters.size(n))
     by, body = Parameters.of(p, n), present_body(dynamics, p)
@@ -41,16 +29,27 @@ def _scaled_stages(dynamics: Dynamics, scheme: Scheme) -> _ScaledStages:
 
     states = [left[layout.knot.state], inner[: 2 * n], right[layout.knot.state]]
     if layout.linear:
-        u = [(1 - c) * left[layout.knot.torque] + c * right[layout.knot.torque] for c in LOBATTO_3.c]
+        torques = [(1 - c) * left[layout.knot.torque] + c * right[layout.knot.torque] for c in LOBATTO_3.c]
     else:
-        u = [inner[2 * n :]] * LOBATTO_3.c.size
+        torques = [inner[2 * n :]] * LOBATTO_3.c.size
 
-    velocities, accelerations = [], []
-    for x, torque in zip(states, u, strict=True):
-        q, v = by.length * x[layout.knot.q], by.speed * x[layout.knot.v]
-        velocities.append(v)
-        accelerations.append(dynamics.aba(q, v, by.effort * torque, body))
-    return _ScaledStages(y, p, states, u, velocities, accelerations)
+    q, v = by.length * ca.horzcat(*states)[:n, :], by.speed * ca.horzcat(*states)[n:, :]
+    tau = [by.effort * torque for torque in torques]
+    a = [dynamics.aba(q[:, k], v[:, k], torque, body) for k, torque in enumerate(tau)]
+    stages = Stages(
+        y=y,
+        p=p,
+        h=by.fraction * by.time * left[layout.knot.time],
+        c=LOBATTO_3.c,
+        q=q,
+        v=v,
+        a=ca.horzcat(*a),
+        tau=ca.horzcat(*tau),
+        acceleration=by.speed / by.time,
+        effort=by.effort,
+        dynamics=dynamics,
+    )
+    return stages, states, torques
 
 
 def present_body(dynamics: Dynamics, p: ca.SX) -> ca.SX:
@@ -68,24 +67,6 @@ def only_present(dynamics: Dynamics, numbers: ca.SX) -> ca.SX:
         raise ValueError("a transcription takes Dynamics(robot, free_last_body=True)")
     body: ca.SX = ca.vertcat(*(numbers[i] if there else 0 for i, there in enumerate(dynamics.last_body != 0)))
     return body
-
-
-def _equations(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-    """Unknowns, parameters, defects and cost of one interval, all scaled."""
-    n, layout, one = dynamics.nv, Layout(dynamics.nv, scheme), _scaled_stages(dynamics, scheme)
-    by, (left, _, right) = Parameters.of(one.p, n), layout.parts(one.y)
-    start, duration = left[layout.knot.state], left[layout.knot.time]
-    scale = ca.vertcat(ca.repmat(by.length, n, 1), ca.repmat(by.speed, n, 1))
-    h = by.fraction * by.time * duration
-    rates = [ca.vertcat(v, a) / scale for v, a in zip(one.velocities, one.accelerations, strict=True)]
-    defects = []
-    for state, weights in zip(one.states[1:], LOBATTO_3.A[1:], strict=True):
-        defects.append(state - start - h * sum(a * rate for a, rate in zip(weights, rates, strict=True)))
-    defects.append(right[layout.knot.time] - duration)
-
-    square = sum(b * ca.dot(by.weights, torque**2) for b, torque in zip(LOBATTO_3.b, one.torques, strict=True))
-    cost = by.fraction * duration * (1 + square / 2)
-    return one.y, one.p, ca.vertcat(*defects), cost
 
 
 @dataclass(frozen=True)
@@ -107,27 +88,26 @@ class CollocationInterval:
 
     def stages(self) -> Stages:
         """Stages of the interval in symbols."""
-        layout, one = Layout(self.dynamics.nv, self.scheme), _scaled_stages(self.dynamics, self.scheme)
-        by, (left, _, _) = Parameters.of(one.p, self.dynamics.nv), layout.parts(one.y)
-        return Stages(
-            y=one.y,
-            p=one.p,
-            h=by.fraction * by.time * left[layout.knot.time],
-            c=LOBATTO_3.c,
-            q=ca.horzcat(*(by.length * x[layout.knot.q] for x in one.states)),
-            v=ca.horzcat(*one.velocities),
-            a=ca.horzcat(*one.accelerations),
-            tau=ca.horzcat(*(by.effort * torque for torque in one.torques)),
-            acceleration=by.speed / by.time,
-            effort=by.effort,
-            dynamics=self.dynamics,
-        )
+        return _stages(self.dynamics, self.scheme)[0]
 
 
 @built_once(maxsize=16)
 def interval_functions(dynamics: Dynamics, scheme: Scheme) -> IntervalFunctions:
-    """Functions of one interval; cached by model and scheme."""
-    return differentiated("interval", *_equations(dynamics, scheme), scheme.compile)
+    """Defects and cost of one interval, all scaled; cached by model and scheme."""
+    n, layout, (one, states, torques) = dynamics.nv, Layout(dynamics.nv, scheme), _stages(dynamics, scheme)
+    by, (left, _, right) = Parameters.of(one.p, n), layout.parts(one.y)
+    scale = ca.vertcat(ca.repmat(by.length, n, 1), ca.repmat(by.speed, n, 1))
+    rates = [ca.vertcat(one.v[:, k], one.a[:, k]) / scale for k in range(len(states))]
+    defects = [
+        state - states[0] - one.h * sum(a * rate for a, rate in zip(weights, rates, strict=True))
+        for state, weights in zip(states[1:], LOBATTO_3.A[1:], strict=True)
+    ]
+    duration = left[layout.knot.time]
+    square = sum(b * ca.dot(by.weights, torque**2) for b, torque in zip(LOBATTO_3.b, torques, strict=True))
+    equations = ca.vertcat(*defects, right[layout.knot.time] - duration)
+    return differentiated(
+        "interval", one.y, one.p, equations, by.fraction * duration * (1 + square / 2), scheme.compile
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -292,11 +292,6 @@ def bounds(problem: MinimumTimeProblem, layout: Layout, by: Parameters) -> tuple
     return sides[0], sides[1]
 
 
-def doubled(intervals: int, finest: int) -> int | None:
-    """Number of intervals of the next finer mesh; None: it would exceed the finest."""
-    return 2 * intervals if 2 * intervals <= finest else None
-
-
 def mesh(intervals: int) -> Array:
     """Knots as parts of the duration, shape (intervals + 1,)."""
     return np.linspace(0, 1, intervals + 1)

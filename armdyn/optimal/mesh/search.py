@@ -15,7 +15,6 @@ import numpy as np
 
 from armdyn.optimal.mesh.condensed import guess_jobs, has_stagewise, prepare_quickly, solve_quickly
 from armdyn.optimal.mesh.direct import Attempt, solve_on_mesh
-from armdyn.optimal.mesh.layout import doubled
 from armdyn.optimal.mesh.starts import SAMPLES, Guesses, crossover, spline, splines, via_guesses
 from armdyn.optimal.problem.options import SolverSettings
 from armdyn.optimal.problem.task import Task
@@ -166,8 +165,8 @@ def _too_coarse(task: Task, found: Sequence[Attempt], refined: SearchResult) -> 
     if not (confirmed or slower > numbers.too_coarse):
         return None
     task.progress(f"optima of {task.policy.search.meshes} intervals are {slower:.2f} times as slow on {mesh}")
-    finer = doubled(mesh, task.options.max_intervals) if confirmed else None
-    on = finer or mesh
+    finer = confirmed and 2 * mesh <= task.options.max_intervals
+    on = 2 * mesh if finer else mesh
     return on, (on, on * 3 // 2), 4 if finer else 2
 
 
