@@ -44,6 +44,7 @@ def curves(task: Task) -> tuple[list[Optimum], SearchResult]:
         task: the problem and its settings.
     """
     numbers, alone = task.policy.curves, task.policy.strategy.curves_alone
+    most = numbers.most_excess
     if not alone:
         first = refine_curve(task, straight_curve(task, numbers.intervals), only_sequential=True)
         found, planned = ([first] if first.solved.converged or task.stop else []), True
@@ -60,16 +61,10 @@ def curves(task: Task) -> tuple[list[Optimum], SearchResult]:
     if not found:  # or the time was up before the first curve
         return [], SearchResult((), failed=(_without_path(task),) if alone else ())
     failed = () if planned else (_without_path(task),)
-    found.sort(
-        key=lambda one: (
-            one.excess > numbers.most_excess,
-            not constraints_mended(task, one.reports),
-            one.curve.duration,
-        )
-    )
-    if found[0].excess > numbers.most_excess and can_be_slowed(task.problem) and not task.stop:
+    found.sort(key=lambda one: (one.excess > most, not constraints_mended(task, one.reports), one.curve.duration))
+    if found[0].excess > most and can_be_slowed(task.problem) and not task.stop:
         found[0] = slowed_to_limits(task, found[0].solved, found[0].spec, found[0].iterations)
-    if found[0].excess > numbers.most_excess:
+    if found[0].excess > most:
         failed = failed or (_failed(task, found[0]),)
         return [], SearchResult((), failed=failed, iterations=sum(one.iterations for one in found))
     optima: list[Optimum] = []
@@ -79,10 +74,8 @@ def curves(task: Task) -> tuple[list[Optimum], SearchResult]:
         if task.stop or (optima[-1].certificate.lands and kept):
             break
     others = tuple(one.curve.duration for one in found[len(optima) :])
-    iterations = sum(one.iterations for one in found[len(optima) :])
-    return optima, SearchResult(
-        (), failed=failed, listed=others, iterations=iterations, remark=_optima_met(task, found)
-    )
+    iterations, words = sum(one.iterations for one in found[len(optima) :]), _optima_met(task, found)
+    return optima, SearchResult((), failed=failed, listed=others, iterations=iterations, remark=words)
 
 
 def rough_motions(task: Task) -> list[Trajectory]:

@@ -180,13 +180,6 @@ class CurveLayout:
         ends = self.torques(leg - 1)[-1], self.torques(leg)[0]
         return np.concatenate([*ends, [self.duration(leg - 1), self.duration(leg)]])[:, None]
 
-    def torque_ends(self) -> tuple[Index, Index]:
-        """Indices of the unknowns for the torque rates at start and goal, one column each."""
-        last = self.legs[-1]
-        ends = (self.torques(0)[0], self.duration(0)), (self.torques(last)[-1], self.duration(last))
-        first, final = (np.append(torques, duration)[:, None] for torques, duration in ends)
-        return first, final
-
     def _columns(self, leg: int, window: Index, more: Index | None = None) -> Index:
         points, count = self.points(leg), len(window)
         own = [points[window].reshape(count, -1), np.full((count, 1), self.duration(leg))]

@@ -276,8 +276,9 @@ def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[StageRows, ...], c
             add(torque_rate_equations(n, 1), shape.torque_steps(leg))
         for leg in shape.legs[1:]:
             add(torque_rate_equations(n, 2), shape.torque_meeting(leg))
-        for end in shape.torque_ends():
-            add(torque_rate_equations(n, 1, given=True), end)
+        for leg, end in ((0, 0), (shape.legs[-1], -1)):
+            unknowns = np.append(shape.torques(leg)[end], shape.duration(leg))
+            add(torque_rate_equations(n, 1, given=True), unknowns[:, None])
     everywhere = np.hstack([shape.in_intervals(leg) for leg in shape.legs])
     for each in rows:
         index = everywhere[:, each.intervals(shape.intervals)]

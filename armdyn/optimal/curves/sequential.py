@@ -223,11 +223,8 @@ class Sequential:
         while True:
             region = np.full(at.x.size, self._radius)
             region[timed] = policy.stretch * self._radius * at.x[timed]
-            lower, upper = (
-                np.maximum(-region, np.minimum(low - at.x, 0)),
-                np.minimum(region, np.maximum(high - at.x, 0)),
-            )
-            step = solve_step(replace(program, bounds=(lower, upper)), policy.accuracy)
+            bounds = np.maximum(-region, np.minimum(low - at.x, 0)), np.minimum(region, np.maximum(high - at.x, 0))
+            step = solve_step(replace(program, bounds=bounds), policy.accuracy)
             self._iterations += 1
             promised = merit - (at.cost + step.cost)
             if step.found and promised < self._enough * merit and not eager:
