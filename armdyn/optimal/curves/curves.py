@@ -31,8 +31,6 @@ from armdyn.parallel import in_processes
 from armdyn.reprs import percent
 from armdyn.trajectory import Trajectory
 
-_OTHER_SEEDS = "; other seeds may find a faster one"
-
 
 def curves(task: Task) -> tuple[list[Optimum], SearchResult]:
     """The fastest curves, replayed in turn until one reaches the goal and satisfies the path constraints.
@@ -111,7 +109,8 @@ def _optima_met(task: Task, found: Sequence[RefinedCurve]) -> str:
     problem = task.problem
     # Guesses through via points alone are the same for all seeds.
     seeded = problem.has_clearance or problem.has_regions or not problem.via
-    return optima_met(durations, len(found), task.policy.same.mesh) + (_OTHER_SEEDS if seeded else "")
+    words = optima_met(durations, len(found), task.policy.same.mesh)
+    return f"{words}; other seeds may find a faster one" if seeded else words
 
 
 def optima_met(durations: Sequence[float], guesses: int, same: float) -> str:

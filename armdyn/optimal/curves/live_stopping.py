@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.optimal.curves.curve import DEGREE, CurveLeg
+from armdyn.optimal.curves.curve import CurveLeg
 from armdyn.optimal.curves.live import LiveProblem, acceleration_excess
 from armdyn.optimal.problem.checks import held
 from armdyn.optimal.problem.status import Status
@@ -94,10 +94,8 @@ def _brake(live: LiveProblem) -> Trajectory | None:
     policy, basis, v = live.numbers.live, live.basis, live.v
     robot, start = live.problem.robot, live.problem.poses[0]
     duration = float(np.max(np.abs(v) * np.diag(live.inertia(start)) / live.half)) / 2
-    # Control points of s - s² / 2: those of s² are symmetric functions of the knots (de Boor, chapter IX).
-    inner = np.array([basis.knots[i + 1 : i + 1 + DEGREE] for i in range(basis.size)])
-    squares = (np.sum(inner, axis=1) ** 2 - np.sum(inner**2, axis=1)) / (DEGREE * (DEGREE - 1))
-    shape = (basis.places - squares / 2)[:, None]
+    places = basis.places  # splines have all parabolas: interpolation is exact
+    shape = np.linalg.solve(basis.values(places, 0), places - places**2 / 2)[:, None]
     for _ in range(policy.brakes):
         sampled = live.check(CurveLeg(basis, start + shape * v * duration, duration))
         end = sampled.q[-1]
