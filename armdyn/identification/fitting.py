@@ -108,8 +108,8 @@ def _newton_step(normal: Normal, near: Divergence, weight: float, x: Array) -> t
     """Newton's step from x, shape (p,), its decrement, and the slope of half the squares along it."""
     slope = normal.matrix @ x - normal.vector
     gradient, hessian = slope + weight * near.gradient, normal.matrix + weight * near.hessian
-    scale = 1 / np.sqrt(np.diag(hessian))  # its diagonal spans 1e16 next to the border of physical bodies
-    step = -scale * np.linalg.solve(hessian * np.outer(scale, scale), scale * gradient)
+    scale = 1 / np.sqrt(hessian.diagonal())  # its diagonal spans 1e16 next to the border of physical bodies
+    step = -scale * np.linalg.solve(scale[:, None] * hessian * scale, scale * gradient)
     return step, float(-gradient @ step), float(slope @ step)
 
 

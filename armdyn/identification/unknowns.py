@@ -153,16 +153,16 @@ class Unknowns:
 
     def divergence_near(self, x: Array) -> Divergence:
         """The divergence from the prior near physical unknowns, shape (p,)."""
-        count, size = len(self.joints), x.size
-        split = 10 * count
+        split, size = 10 * len(self.joints), x.size
+        offsets = split + self.positive
         inverse = np.linalg.inv(np.linalg.cholesky(self._relative(x)))[:, None]
         turned = (inverse @ BASIS @ inverse.swapaxes(2, 3)).reshape(-1, 10, 16)
-        positive, free = 1 + x[split : split + self.positive], x[split + self.positive :]
+        positive, free = 1 + x[split:offsets], x[offsets:]
         slopes = _TRACES - turned @ _IDENTITY
         gradient = np.concatenate([slopes.ravel(), 1 - 1 / positive, free])
         hessian = np.zeros((size, size))
         diagonal = hessian.ravel()[:: size + 1]  # written in place: `block_diag` costs more than all the rest
-        diagonal[split : split + self.positive], diagonal[split + self.positive :] = positive**-2, 1.0
+        diagonal[split:offsets], diagonal[offsets:] = positive**-2, 1.0
         for k, block in enumerate(turned @ turned.swapaxes(1, 2)):
             hessian[10 * k : 10 * k + 10, 10 * k : 10 * k + 10] = block
         return Divergence(gradient, hessian, turned, positive, free)
