@@ -15,7 +15,6 @@ from armdyn.optimal.mesh.condensed import solve_on_knots
 from armdyn.optimal.mesh.direct import Attempt
 from armdyn.optimal.mesh.layout import mesh
 from armdyn.optimal.mesh.mesh_costates import MeshCostates, mesh_costates
-from armdyn.optimal.mesh.search import distinct
 from armdyn.optimal.mesh.shooting import Shooting, gaps, landed
 from armdyn.optimal.problem.options import Acceptable, SolverSettings
 from armdyn.optimal.problem.policy.policy import Policy
@@ -47,11 +46,18 @@ class MeshWork:
         self._known.append((meshes, optimum))
 
     def known(self, meshes: Sequence[Attempt]) -> tuple[Optimum | None] | None:
-        """The result of solutions of which one was the same on the last of these meshes; None: there are none."""
-        same, k = self._policy.same, len(meshes) - 1
+        """The result of solutions of which one was the same on the last of these meshes; None: there are none.
+
+        Joints that time leaves idle in the result may move differently.
+        """
+        same, k, mesh = self._policy.same, len(meshes) - 1, meshes[-1]
         for others, optimum in self._known:
-            if k < len(others) and len(distinct([others[k], meshes[k]], same.resolved, same.distance)) == 1:
-                return (optimum,)
+            if k < len(others) and abs(mesh.cost - others[k].cost) <= same.resolved * min(mesh.cost, others[k].cost):
+                idle = optimum.certificate.idle if optimum else ()
+                undecided = [i for i, name in enumerate(mesh.trajectory.joint_names) if name in idle]
+                apart = np.delete(np.abs(mesh.quarters - others[k].quarters), undecided, axis=1)
+                if np.max(apart, initial=0.0) <= same.distance:
+                    return (optimum,)
         return None
 
     def beats(self, mesh: Attempt) -> bool:

@@ -10,10 +10,11 @@ from armdyn.optimal.mesh import motion_mesh
 from armdyn.optimal.mesh.direct import Attempt
 from armdyn.optimal.mesh.motion_mesh import MeshWork, _Meshes, finer_knots, mesh_optimum
 from armdyn.optimal.mesh.search import find
+from armdyn.optimal.problem.policy.policy import Policy
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.task import Task
-from armdyn.optimal.verify.certificate import repeated
-from armdyn.optimal.verify.optimum import MeshMargins
+from armdyn.optimal.verify.certificate import Certificate, repeated
+from armdyn.optimal.verify.optimum import MeshMargins, Optimum
 from armdyn.optimal.verify.rollout import under_feedback
 from armdyn.optimal.verify.within_limits import paced
 from armdyn.trajectory import Trajectory
@@ -85,6 +86,17 @@ def test_a_motion_is_recognised_on_its_second_mesh():
     assert work.known((slower,)) is None
     assert work.known((slower, second)) == (None,)
     assert work.known((slower, slower)) is None
+
+
+@pytest.mark.parametrize(("idle", "known"), [((), False), (("b",), True), (("a",), False)])
+def test_a_motion_is_recognised_whatever_its_idle_joints_do(idle, known):
+    work, names = MeshWork(Policy.of(FAST)), ("a", "b")
+    motion = ad.Trajectory([0.0, 1.0], np.zeros((2, 2)), np.zeros((2, 2)), np.zeros((2, 2)), names)
+    first = Attempt(ad.Status.SOLVED, "", motion, 160, 1, None)
+    other = replace(first, trajectory=replace(motion, q=np.array([[0.0, 0.0], [0.0, 2.0]])))
+    optimum = Optimum(motion, Certificate(0.0, 0.0, 0.0, idle=idle), 1.0, 160)
+    work.add((first,), optimum)
+    assert work.known((other,)) == ((optimum,) if known else None)
 
 
 def test_a_mesh_that_a_usable_motion_beats_by_far_is_given_up():
