@@ -8,6 +8,8 @@ the start. Integrated backwards a difference grows as fast as the motion diverge
 arm. Therefore the costates are compared with the solution of the equations that is nearest to all of them: shadowing.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
