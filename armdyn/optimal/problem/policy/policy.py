@@ -108,30 +108,30 @@ class Policy:
         speed_limited = is_speed_limited(problem)
         joints, has_constraints = problem.robot.nv, bool(problem.path_constraint_names)
         rated = problem.continuous_torque or problem.acceleration_limit is not None
-        plain = motors and not has_constraints and not problem.pays_effort
-        many = plain and joints == 3  # hundreds of optima
-        some = plain and joints == 2
+        many = motors and not has_constraints and joints == 3  # hundreds of optima
+        some = motors and not has_constraints and joints == 2
+        far = not problem.pays_effort  # torques that cost nothing fold an arm far off the straight way
         wide = np.any(problem.limits.position_upper - problem.limits.position_lower > 4 * np.pi)  # more than two turns
         starts = _by_joints(joints, 1, 32 if some else 16 if motors else 40, 140 if many else 100)
-        if problem.effort_weight > 0:
-            starts = _by_joints(joints, 2, 64, 24)
+        if problem.pays_effort:
+            starts = _by_joints(joints, 2, 200 if some else 64, 140 if many else 24)
         return cls(
             strategy=_strategy(problem, motors, speed_limited),
             program=ProgramPolicy(
                 linear=rated or problem.effort_weight > 0 or not problem.limits.actuators.constant,
                 condensed=not has_constraints,
-                coarse_barriers=(1e-2, 1e-1) if many else (1e-3, 1e-2),
-                guess_iterations=250 if many else None,
+                coarse_barriers=(1e-2, 1e-1) if many and far else (1e-3, 1e-2),
+                guess_iterations=250 if many or (some and not far) else None,
                 flat=1e-4 if set(problem.path_constraint_names) - {"via points"} else None,
             ),
             search=SearchPolicy(
                 starts=starts,
-                ends_early=not (many or some),
+                ends_early=not (many or (some and far)),
                 meshes=(60,) if problem.effort_weight > 0 else (15, 25) if motors else (25, 35),
                 fine_mesh=80 if problem.effort_weight > 0 else 40,
                 neighbour_starts=_by_joints(joints, *((1, 4, 6, 1) if problem.pays_effort else (1, 8, 12, 1))),
-                spread=0.0 if many else 1.5 if joints == 3 else 1.0,
-                uniform_spread=8.0 if many and wide else 4.0 if many or some else 0.0,
+                spread=0.0 if many and far else 1.5 if joints == 3 else 1.0,
+                uniform_spread=0.0 if not far else 8.0 if many and wide else 4.0 if many or some else 0.0,
                 guess_duration=0.4 if many else 0.6 if some else 1.0,
                 mutated=0.4 if many else 0.0,
                 side_by_side=joints > 2 or (joints > 1 and (has_constraints or problem.pays_effort)),
