@@ -77,7 +77,7 @@ def test_none_once_stopped():
     assert not optima and not found.attempts
 
 
-@pytest.mark.parametrize(("level", "count"), [("quick", 22), ("normal", 64), ("thorough", 320)])
+@pytest.mark.parametrize(("level", "count"), [("quick", 67), ("normal", 200), ("thorough", 1000)])
 def test_the_level_of_search_says_how_many_guesses_there_are(level, count):
     task = Task.of(paper_problem("rr", effort_weight=1.0), ad.MinimumTimeOptions(search=level))
     assert task.policy.search.guesses(task.options) == count

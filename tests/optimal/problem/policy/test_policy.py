@@ -39,7 +39,7 @@ TABLE = {
     "rr ball": (16, False, 1e-4, False, False, 4, 8),
     "rr jerk": (16, False, 1e-4, True, False, 4, 8),
     "rr via": (16, False, None, False, False, 4, 8),
-    "rr effort": (64, True, None, True, False, 4, 4),
+    "rr effort": (200, True, None, True, False, 4, 4),
     "ur5": (100, True, None, False, True, 1, 1),
 }
 
@@ -77,7 +77,7 @@ def test_where_velocity_limits_shape_the_motion_curves_come_first():
 
 
 @pytest.mark.parametrize(
-    ("kind", "changed"), [("rr", 0.0), ("rrr", 0.4), ("rrr ball", 0.0), ("rrr effort", 0.0), ("ur5", 0.0)]
+    ("kind", "changed"), [("rr", 0.0), ("rrr", 0.4), ("rrr ball", 0.0), ("rrr effort", 0.4), ("ur5", 0.0)]
 )
 def test_optima_are_changed_where_there_are_hundreds(kind, changed):
     numbers = Policy.of(problem(kind)).search
@@ -86,12 +86,19 @@ def test_optima_are_changed_where_there_are_hundreds(kind, changed):
 
 @pytest.mark.parametrize(
     ("kind", "far"),
-    [("r", 0), ("rr", 4), ("rrr", 4), ("rrr free", 8), ("rr ball", 0), ("rr effort", 0), ("ur5", 0)],
+    [("r", 0), ("rr", 4), ("rrr", 4), ("rrr free", 8), ("rr ball", 0), ("ur5", 0)],
 )
 def test_where_there_are_many_optima_guesses_are_far_and_hasty_and_all_are_solved(kind, far):
     numbers = Policy.of(problem(kind)).search
     assert numbers.uniform_spread == far
     assert (numbers.uniform_spread > 0) == (numbers.guess_duration < 1) == (not numbers.ends_early)
+
+
+@pytest.mark.parametrize("arm", ["rr", "rrr"])
+def test_with_effort_guesses_are_near_and_hasty(arm):
+    with_effort, without = (Policy.of(problem(kind)).search for kind in (f"{arm} effort", arm))
+    assert with_effort.uniform_spread == 0 < with_effort.spread
+    assert with_effort.guess_duration == without.guess_duration < 1
 
 
 def test_every_number_says_its_unit_its_reason_and_its_cases():
