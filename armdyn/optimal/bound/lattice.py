@@ -160,7 +160,7 @@ class Region:
 
     @property
     def size(self) -> float:
-        """Half width of the hull [rad or m]."""
+        """Largest half width of the hull among the joints [rad or m]."""
         return float(np.max(self.hull.radius))
 
     def halves(self, stop: StopCondition) -> list[Region]:

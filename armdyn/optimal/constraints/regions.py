@@ -225,7 +225,7 @@ class FrameRegion(PartialLimit):
         return {"region": self.region, **({} if self.leg is None else {"leg": self.leg})}
 
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
-        """Check the frame, and fill in tolerances for all directions in which the frame can move."""
+        """Check the frame, and refuse directions in which it can move without a tolerance, and a region without any."""
         with reraised(ProblemError, "FrameRegion", SpecError):
             moving = moving_directions(robot, self.region)
         exact = np.array(DIRECTIONS)[moving & (self.region.deviations == 0)].tolist()
@@ -233,6 +233,11 @@ class FrameRegion(PartialLimit):
             raise ProblemError(
                 f"FrameRegion has no tolerance in {', '.join(exact)}: no motion is exact between its samples; give a "
                 "tolerance such as 3.5e-4 [m] or 5e-3 [rad], or name the direction in free"
+            )
+        if not np.any(moving & np.isfinite(self.region.deviations)):
+            raise ProblemError(
+                f"FrameRegion limits no direction in which {self.region.frame!r} can move, which are "
+                f"{', '.join(np.array(DIRECTIONS)[moving].tolist())}: give one of them a tolerance"
             )
         return self
 

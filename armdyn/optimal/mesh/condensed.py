@@ -70,13 +70,13 @@ def guess_jobs(
     for intervals in {intervals for intervals, _ in settings}:
         which = [k for k, (own, _) in enumerate(settings) if own == intervals]
         for k, data in zip(which, assemble_condensed(task, guesses.chosen(which), mesh(intervals)), strict=True):
-            jobs[k] = partial(_begun, guesses, k, data, settings[k][1])
+            jobs[k] = partial(_solved_guess, guesses, k, data, settings[k][1])
     return [jobs[k] for k in range(len(settings))]
 
 
-def _begun(guesses: Guesses, k: int, data: MeshNlpData, settings: SolverSettings, task: Task) -> Attempt:
+def _solved_guess(guesses: Guesses, k: int, data: MeshNlpData, settings: SolverSettings, task: Task) -> Attempt:
     intervals = data.legs[0]
-    if (solver := _stagewise(task, intervals, settings)) is None:  # the time is up
+    if (solver := _stagewise(task, intervals, settings)) is None:  # stopped, or out of time, since `guess_jobs`
         return solve_on_mesh(task, guesses.motion(k, task.problem.robot.joint_names), intervals, settings)
     return _solved(task, solver, data)[0]
 

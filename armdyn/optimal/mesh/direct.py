@@ -116,7 +116,7 @@ def legs_of(problem: MinimumTimeProblem, guess: Trajectory, intervals: int, knot
             knots nearest to its ends; None: no knots are given.
 
     Raises:
-        ValueError: fewer intervals than legs.
+        ValueError: fewer intervals than legs, without knots.
     """
     marks, first = [float(guess.t[0])], 0
     inner = problem.poses[1:-1]

@@ -24,7 +24,7 @@ class NlpData:
     """Numbers of one nonlinear program: initial unknowns, parameters, bounds.
 
     Attributes:
-        x: unknowns initial unknowns.
+        x: initial unknowns.
         p: parameters.
         x_bounds: lower and upper bounds of the unknowns.
         g_bounds: lower and upper bounds of the equations.

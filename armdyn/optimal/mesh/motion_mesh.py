@@ -155,7 +155,7 @@ def on_finer_meshes(
         knots: of the first mesh as parts of the duration, shape (N + 1,).
         solve: maps a guess and knots to a solution.
         finer: maps a solution to its knots and further ones.
-        settled: gain by a mesh, as a part of the duration, that ends them.
+        settled: a mesh that gains less, as a part of the cost, is the last.
     """
     near, numbers = attempt, task.policy.motion_mesh
     for k in range(numbers.rounds):
@@ -205,16 +205,16 @@ def _by_bends(attempt: Attempt, most: float) -> Array:
 
 
 def _by_limits(task: Task, attempt: Attempt) -> Array:
-    """Numbers of parts, shape (K,), in which intervals on limits of velocity and position bow by the tolerance."""
-    limits, near, motion, knots = task.problem.limits, task.policy.arcs, attempt.trajectory, attempt.mesh
+    """Numbers of parts, shape (K,), of intervals on a limit, so that their middles lie near enough to their chords."""
+    limits, numbers, motion, knots = task.problem.limits, task.policy.arcs, attempt.trajectory, attempt.mesh
     at, middle = motion(motion.duration * knots), motion(motion.duration * (knots[:-1] + knots[1:]) / 2)
-    excesses = [np.abs(mean - (ends[:-1] + ends[1:]) / 2) for mean, ends in ((middle.v, at.v), (middle.q, at.q))]
-    fast = np.maximum(np.abs(at.v[:-1]), np.abs(at.v[1:])) > (1 - near.near_speed) * limits.velocity
-    steady = np.abs(np.diff(at.v, axis=0)) < near.in_contact * limits.velocity
+    bows = [np.abs(mid - (ends[:-1] + ends[1:]) / 2) for mid, ends in ((middle.v, at.v), (middle.q, at.q))]
+    fast = np.maximum(np.abs(at.v[:-1]), np.abs(at.v[1:])) > (1 - numbers.near_speed) * limits.velocity
+    steady = np.abs(np.diff(at.v, axis=0)) < numbers.in_contact * limits.velocity
     margin = np.minimum(at.q - limits.position_lower, limits.position_upper - at.q)
-    close = np.minimum(margin[:-1], margin[1:]) < near.in_contact
-    bow = np.where(fast & steady, excesses[0] / (task.policy.motion_mesh.velocity_excess * limits.velocity), 0.0)
-    bow = np.maximum(bow, np.where(close, excesses[1] / LIMIT_TOLERANCE, 0.0))
+    close = np.minimum(margin[:-1], margin[1:]) < numbers.in_contact
+    bow = np.where(fast & steady, bows[0] / (task.policy.motion_mesh.velocity_excess * limits.velocity), 0.0)
+    bow = np.maximum(bow, np.where(close, bows[1] / LIMIT_TOLERANCE, 0.0))
     return np.asarray(np.sqrt(bow.max(axis=1)))
 
 

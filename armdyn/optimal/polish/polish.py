@@ -265,17 +265,18 @@ def _asked_for(task: Task, own: Switches, motion: BangMotion, along: _Along) -> 
 
 
 def _along(task: Task, motion: BangMotion) -> _Along:
-    """States, costates and switching functions at the start, the Gauss points and the end of every segment."""
+    """(q, v), costates and switching functions [SI] at the start, the Gauss points and the end of every segment."""
     problem, n, last = task.problem, task.problem.robot.nv, motion.states[-1]
     size, (nodes, _), h, tau = motion.size, _QUADRATURE, motion.seconds, motion.tau
     torques = np.tile(np.stack([tau, tau], axis=1), (nodes.size, 1, 1))
     starts = np.tile(motion.x * size, (nodes.size, 1))
-    ends, flow, _ = gauss_steps(problem.robot)((nodes[:, None] * h).ravel(), starts, torques, task.policy.polish.steps)
-    end = motion.costate * motion.unit / size
-    first = np.einsum("sab,sa->sb", motion.flow[-1] * size[:, None] / size, end)
-    inner = carried(flow.reshape(nodes.size, h.size, 2 * n, 2 * n), first)
-    costate = np.concatenate([first[None], inner, end[None]]).swapaxes(0, 1)
-    x = np.concatenate([motion.x[None] * size, ends.reshape(nodes.size, h.size, 2 * n), last[None] * size])
+    count = task.policy.polish.steps
+    at_nodes, flow, _ = gauss_steps(problem.robot)((nodes[:, None] * h).ravel(), starts, torques, count)
+    end_costate = motion.costate * motion.unit / size
+    start_costate = np.einsum("sab,sa->sb", motion.flow[-1] * size[:, None] / size, end_costate)
+    inner = carried(flow.reshape(nodes.size, h.size, 2 * n, 2 * n), start_costate)
+    costate = np.concatenate([start_costate[None], inner, end_costate[None]]).swapaxes(0, 1)
+    x = np.concatenate([motion.x[None] * size, at_nodes.reshape(nodes.size, h.size, 2 * n), last[None] * size])
     x = x.swapaxes(0, 1)
     return x, costate, np.linalg.solve(joint_inertia(problem.robot)(x[..., :n]), costate[..., n:, None])[..., 0]
 

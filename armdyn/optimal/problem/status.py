@@ -123,6 +123,7 @@ class Stop:
         return "interrupted" if self.interrupted else "time limit reached"
 
     def __bool__(self) -> bool:
+        """Whether to stop; after the deadline this records `cut_short`: ask only where work is left."""
         if self.late:
             self.cut()
         return self.interrupted or self.late

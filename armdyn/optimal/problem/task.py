@@ -109,7 +109,7 @@ class Task:
         """Yield the results of jobs in their order, on the task's workers.
 
         Args:
-            jobs: functions of the task, in its state when the pool was made; they are pickled.
+            jobs: functions of the task, in its state when the first jobs came; pickled to processes, not to threads.
         """
         if self.pool is not None:
             yield from self.pool(jobs)

@@ -41,7 +41,7 @@ class StrategyPolicy:
 
     @property
     def curves_alone(self) -> bool:
-        """Whether no method transcribes the dynamics on a mesh."""
+        """Whether curves are the last method, so that no mesh follows."""
         return self.methods[-1] == "curves"
 
 
