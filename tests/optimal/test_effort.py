@@ -44,6 +44,8 @@ def test_optima_come_by_cost_and_the_first_is_not_the_fastest():
     assert len(found) >= 2 and np.all(np.diff(costs) > 0)
     assert 0 < costs[0] / 0.5577320121886695 - 1 < 2e-4  # the reference's J; constant torques in 80 intervals cost more
     assert found[1].trajectory.duration < found[0].trajectory.duration  # by duration the choice would be wrong
+    (optimum, *_), _ = mesh(Task.of(problem), rough_motions)
+    assert optimum.cost == pytest.approx(0.5577320121886695, rel=1e-7)  # J of linear torques is right to 1e-9
 
 
 @pytest.mark.slow

@@ -47,7 +47,8 @@ class SearchPolicy:
 
     starts: int = by_kind(
         "guesses",
-        "32 for RR (few for 1 kg; 200 with effort), 16 with path constraints, 40 if a motor is missing; 140 for RRR",
+        "32 for RR (few for 1 kg; 200 with effort), 140 for RRR; 16 with path constraints, 40 if a motor is "
+        "missing; 64 of either with effort",
     )
     meshes: tuple[int, ...] = by_kind(
         "intervals", "of the guesses in turn; coarse ones admit spurious optima of swinging joints, and with effort"
