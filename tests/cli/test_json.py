@@ -35,7 +35,6 @@ LONG = {
     "optimality": ["r", "ramp.npz", "--no-figure", "--no-report", "--search", "quick"],
     "tune": ["r", "--ramp-range", "0.4,0.6", "--generations", "1", "--members", "2", "--held-out", "2"],
     "reproduce": ["--only", "example4", "--payload", "0.1006"],
-    "robots": [],
 }
 
 
@@ -98,6 +97,11 @@ def test_keys_of_longer_commands_are_documented(command, here):
     done = run_here(command, *LONG[command], "--json")
     assert done.returncode in (0, 3), done.stderr
     check(command, json.loads(done.stdout))
+
+
+@pytest.mark.slow
+def test_keys_of_the_list_of_robots_are_documented(listed):
+    check("robots", listed)
 
 
 @pytest.mark.parametrize("command", sorted({*COMMANDS} - {"reproduce", "export", "urdf"}))

@@ -11,11 +11,6 @@ from cli.command import run_here, run_json
 from models.mjcf.arms import RR
 
 
-@pytest.fixture(scope="module")
-def listed():
-    return run_json("robots")
-
-
 @pytest.mark.slow
 def test_every_arm_is_listed_and_loads(listed):
     assert listed["success"] and listed["status"] == "listed"

@@ -477,7 +477,7 @@ def test_a_solve_without_convergence_is_reported(limit, steps):
 def test_a_goal_that_cannot_be_held_is_named():
     with pytest.warns(ad.ArmdynWarning, match="to hold the goal"):
         problem = held(goal=[0, 0, 0], effort_limit=[150, 10, 150])
-    few = ad.MinimumTimeOptions(bound=False, starts=1, workers=1)
+    few = ad.MinimumTimeOptions(bound=False, search="quick", starts=1, workers=1)
     solution = ad.solve_minimum_time(problem, few)
     assert not solution.success
     assert solution.status in (Status.INFEASIBLE, Status.ITERATION_LIMIT)

@@ -1,6 +1,7 @@
 """The indirect method against exact and published-case references, and against the direct one."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -37,6 +38,18 @@ RR_BEST = 0.21067170186256495
 """Best known of Example 2 with 100.6 g at the tip [s]."""
 
 
+@cache
+def free_time_energy(arm, reading, mass):
+    """Optimum of an example without torque bound."""
+    return solve_indirect(problem_of(arm, reading, mass, effort_weight=1.0), options=FREE)
+
+
+@cache
+def bounded_rr():
+    """Time-energy optimum of Example 2 with 100.6 g, within the torque limits."""
+    return solve_indirect(paper_problem("rr", effort_weight=1.0))
+
+
 def problem_of(arm, reading, mass, **limits):
     spec = ad.ArmSpec.paper(arm)
     payload = ad.Payload(mass=mass) if reading == "tip" else ad.Payload.at_last_com(spec, mass)
@@ -49,7 +62,7 @@ def problem_of(arm, reading, mass, **limits):
 @pytest.mark.parametrize(("arm", "reading", "mass"), TIME_ENERGY)
 def test_time_energy_is_that_of_the_reference_by_both_methods(arm, reading, mass):
     duration, cost = TIME_ENERGY[arm, reading, mass]
-    found = solve_indirect(problem_of(arm, reading, mass, effort_weight=1.0), options=FREE)
+    found = free_time_energy(arm, reading, mass)
     assert found.success, found.message
     # Measured 1e-9 of the indirect method and 5e-8 of the direct one, whose cost is flat at its optimum.
     assert found.duration == pytest.approx(duration, rel=1e-7)
@@ -134,8 +147,7 @@ def test_saturated_law_keeps_the_limits_and_tends_to_minimum_time():
 
 
 def test_limits_that_are_not_reached_change_nothing():
-    problem = paper_problem("rr", effort_weight=1.0)
-    bounded, free = solve_indirect(problem), solve_indirect(problem, options=FREE)
+    bounded, free = bounded_rr(), free_time_energy("rr", "tip", 0.1006)
     assert np.max(np.abs(free.trajectory.tau)) < 3.0
     assert bounded.duration == pytest.approx(free.duration, rel=1e-8)
 
@@ -143,7 +155,7 @@ def test_limits_that_are_not_reached_change_nothing():
 @pytest.mark.slow
 def test_finite_differences_come_to_the_same_at_second_order():
     problem = paper_problem("rr", effort_weight=1.0)
-    exact = solve_indirect(problem).duration
+    exact = bounded_rr().duration
     coarse, fine = (
         solve_indirect(problem, options=IndirectOptions(method="trapezoidal", intervals=intervals))
         for intervals in (100, 200)
