@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.interpolate import BPoly
 
 import armdyn as ad
+from armdyn.trajectory.interpolation import PARTS, between_rows, interpolated
 
 NUMBER = st.floats(-5, 5)
 
@@ -84,3 +86,21 @@ def test_a_jump_is_seen_on_both_sides():
     t = [0.0, np.nextafter(1.0, 0), 1.0, 2.0]
     motion = ad.Trajectory(t, np.zeros((4, 1)), np.zeros((4, 1)), [[1.0], [1.0], [-1.0], [-1.0]])
     assert motion([0.5, t[1], 1.0, 1.5]).tau.ravel().tolist() == [1.0, 1.0, -1.0, -1.0]
+
+
+@pytest.mark.parametrize("m", [1, 2, 3])
+def test_splines_through_derivatives_are_those_of_scipy(m):
+    rng = np.random.default_rng(3)
+    t = np.cumsum(rng.uniform(0.05, 1.0, 7))
+    rows = [rng.uniform(-5, 5, (7, 2)) for _ in range(m)]
+    spline = BPoly.from_derivatives(t, np.stack(rows, axis=1))
+    # Few times, in some of the intervals, and the many between rows: neither at a row, where the last ones may jump.
+    few = rng.uniform(t[2], t[4], 5)
+    for found, order in zip(interpolated(t, rows, few), range(3), strict=True):
+        # Rounding of at most 60 times a value, over a step of 0.05 s for each derivative.
+        np.testing.assert_allclose(found, spline(few, order), atol=1e-12 / 0.05**order)
+    at, q, v = between_rows(t, rows)
+    inside = ~np.isin(at, t)
+    assert inside.sum() == 6 * (PARTS - 1) and np.isin(t, at).all()
+    np.testing.assert_allclose(q, spline(at), atol=1e-12)
+    np.testing.assert_allclose(v[inside], spline(at[inside], 1), atol=1e-12 / 0.05)

@@ -1,6 +1,6 @@
 """Piecewise polynomials through a motion's points: the cubics of a `Trajectory`, and those of ros2_control."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -32,7 +32,8 @@ def between_rows(t: Array, derivatives: Sequence[Array]) -> tuple[Array, Array, 
     """
     parts = int(np.clip(_MOST // t.size, 4, PARTS))
     at = np.append((t[:-1, None] + np.diff(t)[:, None] * (np.arange(parts) / parts)).ravel(), t[-1])
-    return at, *interpolated(t, derivatives, at)[:2]
+    q, v = _orders(t, derivatives, at, 2)
+    return at, q, v
 
 
 def cubic(s: Array, h: Array, q: tuple[Array, Array], v: tuple[Array, Array]) -> tuple[Array, Array]:
@@ -76,20 +77,30 @@ def interpolated(t: Array, derivatives: Sequence[Array], at: Array) -> tuple[Arr
     Returns:
         Values, first and second derivatives, each of shape (m, nv).
     """
-    m = len(derivatives)
-    k = np.clip(np.searchsorted(t, at, side="right") - 1, 0, t.size - 2)
-    h = (t[k + 1] - t[k])[:, None]
-    powers = np.arange(2 * m)
-    # Coefficients over s = (t - t[k]) / h from the derivatives by s at s = 0 and s = 1.
-    at_ends = np.array([_derivative(powers, d, s) for s in (0.0, 1.0) for d in range(m)])
-    data = [h**d * np.asarray(derivatives[d])[k + side] for side in (0, 1) for d in range(m)]
-    coefficients = np.einsum("ij,jkl->ikl", np.linalg.inv(at_ends), np.array(data))
-    s = ((at - t[k]) / h[:, 0])[:, None]
-    q, v, a = (np.einsum("kp,pkl->kl", _derivative(powers, d, s), coefficients) / h**d for d in range(3))
+    q, v, a = _orders(t, derivatives, at, 3)
     return q, v, a
 
 
-def _derivative(powers: Index, order: int, s: Array | float) -> Array:
-    """Derivative of the monomials s^p of some order."""
-    factors = np.prod([np.maximum(powers - i, 0) for i in range(order)], axis=0) if order else np.ones(powers.size)
-    return np.asarray(factors * np.asarray(s, dtype=float) ** np.maximum(powers - order, 0))
+def _orders(t: Array, derivatives: Sequence[Array], at: Array, count: int) -> Iterator[Array]:
+    """The first ones of `interpolated`, from the values on; each interval's polynomial is determined once."""
+    m = len(derivatives)
+    k, of = np.unique(np.clip(np.searchsorted(t, at, side="right") - 1, 0, t.size - 2), return_inverse=True)
+    h = (t[k + 1] - t[k])[:, None]
+    powers = np.arange(2 * m)
+    # Coefficients over s = (t - t[k]) / h from the derivatives by s at s = 0 and s = 1.
+    at_ends = np.array([_factors(powers, d) * s ** np.maximum(powers - d, 0) for s in (0.0, 1.0) for d in range(m)])
+    data = [h**d * np.asarray(derivatives[d])[k + side] for side in (0, 1) for d in range(m)]
+    coefficients = np.einsum("ij,jkl->ikl", np.linalg.inv(at_ends), np.array(data))
+    s = ((at - t[k[of]]) / h[of, 0])[:, None]
+    for d in range(count):
+        found = np.zeros((at.size, coefficients.shape[2]))
+        factors = _factors(powers, d)
+        for p in reversed(powers[d:]):  # Horner's form
+            found *= s
+            found += (factors[p] * coefficients[p] / h**d)[of]
+        yield found
+
+
+def _factors(powers: Index, order: int) -> Array:
+    """Factors that monomials get where they are differentiated so many times."""
+    return np.asarray(np.prod([np.ones(powers.size), *(np.maximum(powers - i, 0) for i in range(order))], axis=0))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from armdyn.arguments import Checked, checked, flag, number
@@ -113,15 +114,16 @@ def _stamp(nanoseconds: int) -> dict[str, int]:
 
 def _written(value: object) -> str:
     """Plain values as JSON that is YAML of the same meaning."""
+    if isinstance(value, float):
+        return _decimal(value)
     if isinstance(value, dict):
         return f"{{{', '.join(f'{_quoted(key)}: {_written(one)}' for key, one in value.items())}}}"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_written, value))}]"
-    if isinstance(value, str):
-        return _quoted(value)
-    return _decimal(value) if isinstance(value, float) else json.dumps(value)
+    return _quoted(value) if isinstance(value, str) else json.dumps(value)
 
 
+@lru_cache  # each point has the same keys
 def _quoted(text: str) -> str:
     return _NO_YAML.sub(_escaped, json.dumps(text, ensure_ascii=False))
 
