@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdyn.arrays import Array, Flags, Index
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.mesh.condensed import solve_on_knots
 from armdyn.optimal.mesh.direct import Attempt
 from armdyn.optimal.mesh.layout import mesh
@@ -86,11 +87,12 @@ class _Meshes:
             begins = knots is first
             return self._solved(within, guess, knots, rough if begins else self._settings(rough=True), int(not begins))
 
-        def finer(one: Attempt) -> Array:
-            return finer_knots(within, one) if self.work.left > 0 else one.mesh
-
         first = mesh(4 * self.task.policy.search.fine_mesh)
-        yield from on_finer_meshes(self.task, attempt, first, solve, finer)
+        yield from on_finer_meshes(self.task, attempt, first, solve, self.finer_knots)
+
+    def finer_knots(self, one: Attempt) -> Array:
+        """Knots of the next mesh of a rough solution; its own if the budget is spent."""
+        return finer_knots(self._within(MeshMargins()), one) if self.work.left > 0 else one.mesh
 
     def sharp(self, attempt: Attempt, knots: Array, margins: MeshMargins | None = None) -> Attempt | None:
         """Solve sharply from a solution, with margins of the limits; None without convergence.
@@ -248,10 +250,20 @@ def mesh_optimum(
         if len(tried) > 1 and (work.beats(rough) or (best := exact(rough)) is not None):
             break
     else:
-        last = (meshes.sharp(tried[-1], tried[-1].mesh) or tried[-1]) if tried else None
+        last = _last(meshes, tried) if tried else None
         best = None if last is None else exact(last) or _divided_until_certified(meshes, last)
     work.add(tried, best)
     return best
+
+
+def _last(meshes: _Meshes, rough: Sequence[Attempt]) -> Attempt:
+    """The sharp solution after rough ones: on a finer mesh if all of these converged."""
+    last = rough[-1]
+    if len(rough) == meshes.task.policy.motion_mesh.rounds:
+        knots = meshes.finer_knots(last)
+        if knots.size > last.mesh.size and (found := meshes.sharp(last, knots)) is not None:
+            return found
+    return meshes.sharp(last, last.mesh) or last
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,9 +281,25 @@ class _Judged:
     to_divide: Flags
 
 
+def _within_limits(meshes: _Meshes, mesh: Attempt) -> Attempt:
+    """A sharp solution on a mesh with intervals divided within which it exceeds a limit, as far as solves converge."""
+    numbers, limits = meshes.task.policy.motion_mesh, meshes.task.problem.limits
+    for _ in range(numbers.further_meshes):
+        # A landed motion differs by less than half the tolerance.
+        beyond = _beyond(limits, mesh.trajectory, mesh.mesh * mesh.trajectory.duration, LIMIT_TOLERANCE / 2)
+        if not np.any(beyond) or meshes.work.left <= 0:
+            break
+        divided = meshes.sharp(mesh, _in_parts(mesh.mesh, np.where(beyond, numbers.parts, 1)))
+        if divided is None:
+            break
+        mesh = divided
+    return mesh
+
+
 def _divided_until_certified(meshes: _Meshes, mesh: Attempt) -> Optimum | None:
     """Best motion of a mesh, divided repeatedly until certified; None if none reaches the goal."""
-    task, numbers, judged = meshes.task, meshes.task.policy.motion_mesh, _judged(meshes.task, mesh)
+    task, numbers, mesh = meshes.task, meshes.task.policy.motion_mesh, _within_limits(meshes, mesh)
+    judged = _judged(task, mesh)
     if judged is None:
         return None
     best = judged
@@ -343,14 +371,20 @@ def _to_divide(task: Task, motion: Shooting, replay: Trajectory, costates: MeshC
     flags = np.zeros(len(motion.tau), bool)
     if costates is None or costates.saving > 4 * OPTIMALITY_TOLERANCE:
         return flags
-    beyond = excesses(task.problem.limits, replay)
-    if max(one.share for one in beyond) <= 4 * OPTIMALITY_TOLERANCE:
-        for one in beyond:
-            at = one.t[np.any(one.beyond > LIMIT_TOLERANCE * one.size, axis=1)]
-            flags[np.clip(np.searchsorted(motion.t, at, side="right") - 1, 0, flags.size - 1)] = True
+    flags |= _beyond(task.problem.limits, replay, motion.t, LIMIT_TOLERANCE)
     if costates.saving > OPTIMALITY_TOLERANCE:
         order = np.argsort(costates.missed)[::-1]
         left = costates.saving - np.cumsum(costates.missed[order])
         enough = OPTIMALITY_TOLERANCE / task.policy.motion_mesh.parts
         flags[order[: 1 + np.searchsorted(-left, -enough)]] = True
+    return flags
+
+
+def _beyond(limits: JointLimits, motion: Trajectory, knots: Array, most: float) -> Flags:
+    """Intervals, shape (K,), in which a motion exceeds limits by more than `most`, a part of them, but not far."""
+    flags, beyond = np.zeros(knots.size - 1, bool), excesses(limits, motion)
+    if max(one.share for one in beyond) <= 4 * OPTIMALITY_TOLERANCE:
+        for one in beyond:
+            at = one.t[np.any(one.beyond > most * one.size, axis=1)]
+            flags[np.clip(np.searchsorted(knots, at, side="right") - 1, 0, flags.size - 1)] = True
     return flags

@@ -13,7 +13,7 @@ class MotionMeshPolicy:
     cases: ClassVar = "random arms (RR, seed 1; RRR)"
 
     most: int = tuned(4000, "knots", "of a mesh: more take a second; those that were certified took 4,200")
-    rounds: int = tuned(4, "meshes", "with seven 26 motions take twice the time, no faster; with three some lose 1e-6")
+    rounds: int = tuned(3, "meshes", "before the last; with seven 26 motions take twice the time, no faster; with three some lose 1e-6")
     iterations: int = tuned(150, "iterations", "on a mesh, at most: certified motions of 80 problems took 80")
     tolerance: float = tuned(
         1e-7, "scaled", "of all meshes but the last, a hundredth on it, hundredfold if a motion hardly becomes faster"
