@@ -4,7 +4,7 @@ Good optima lie near each other: those that random poses reach once in hundreds 
 of the best optima in ten (`starts.crossover`).
 """
 
-from bisect import insort
+from bisect import bisect_right, insort
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -71,7 +71,12 @@ def find(task: Task) -> SearchResult:
     )
     prepare_quickly(task, task.intervals, task.fine())  # before the fork, too
     with task.pooled(has_stagewise(task)) as pooled:
-        attempts = _searched(pooled, count, task.policy.search.meshes, extra_jobs)
+        attempts = _searched(pooled, count, numbers.meshes, extra_jobs)
+        costs = sorted(one.cost for one in attempts if one.usable)
+        counted = options.starts or options.search == "thorough"
+        if not counted and agreeing(costs, numbers.near_best) < numbers.scattered:
+            other = replace(pooled, options=replace(options, seed=options.seed + 1))
+            attempts += _searched(other, count, numbers.meshes, known=attempts)
         fine, coarse = (distinct(some, *same) for some in (attempts[: len(extra_jobs)], attempts[len(extra_jobs) :]))
         found = ranked([*fine, *coarse])  # the finer mesh's are kept apart: they cost no solve
         if not found:
@@ -284,11 +289,29 @@ def search(task: Task, count: int, settings: Settings, extra_jobs: Sequence[Job]
         best = f", best {solved[0]:.4f} s" if solved else ""
         task.progress(f"search: guess {own} of {count}{best}")
         # An optimum's cost depends on the mesh: it counts once per mesh, which is conservative.
-        due = numbers.ends_early and task.options.search != "thorough" and own % numbers.batch == 0
-        optima = len(grouped(solved, within(task.policy.same.coarse))) if due else 0
-        if task.stop or (due and enough(len(solved), optima)):
+        due = task.options.search != "thorough" and own % numbers.batch == 0
+        if task.stop or (due and _known(task, solved, own)):
             break
     return attempts
+
+
+def _known(task: Task, solved: Sequence[float], count: int) -> bool:
+    """Whether guesses have probably found all optima, or nearly all of many lead to the best.
+
+    Args:
+        task: the problem and its settings.
+        solved: costs of those that converged, least first.
+        count: number of guesses.
+    """
+    numbers = task.policy.search
+    if numbers.ends_early:
+        return enough(len(solved), len(grouped(solved, within(task.policy.same.coarse))))
+    return count >= numbers.tested and agreeing(solved, numbers.near_best) >= numbers.alike
+
+
+def agreeing(costs: Sequence[float], slower: float) -> float:
+    """Share of costs, least first, that exceed the least by at most a part `slower` of it; 1 of none."""
+    return bisect_right(costs, costs[0] * (1 + slower)) / len(costs) if costs else 1.0
 
 
 def in_batches(jobs: Sequence[Job], task: Task) -> Iterator[Attempt]:

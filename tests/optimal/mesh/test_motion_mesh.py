@@ -39,8 +39,8 @@ def optimum_of(task, work=None):
 
 @pytest.mark.slow
 def test_a_motion_that_exceeds_a_limit_a_little_is_certified_on_a_divided_mesh():
-    once = {"rounds": 2, "further_meshes": 0, "kept": ()}
-    coarse, divided, fine = (optimum_of(task_of(**one)) for one in (once, {"rounds": 2}, {}))
+    once = {"rounds": 1, "further_meshes": 0, "kept": ()}
+    coarse, divided, fine = (optimum_of(task_of(**one)) for one in (once, {"rounds": 1}, {}))
     assert 1e-6 < coarse.certificate.limit_violation < 1e-4 and not coarse.certificate.ok
     assert divided.certificate.ok
     assert divided.intervals > coarse.intervals
@@ -58,7 +58,7 @@ def test_a_reserve_of_velocity_is_a_lower_velocity_limit():
 
 @pytest.mark.slow
 def test_a_motion_that_exceeds_a_limit_on_a_mesh_that_is_not_divided_keeps_further_within():
-    once = {"rounds": 2, "further_meshes": 0}
+    once = {"rounds": 1, "further_meshes": 0}
     coarse, within = (optimum_of(task_of(**once, **more)) for more in ({"kept": ()}, {}))
     assert coarse.certificate.on_goal and not coarse.certificate.keeps_limits
     assert within.certificate.usable and within.intervals == coarse.intervals

@@ -11,9 +11,11 @@ from hypothesis import strategies as st
 import armdyn as ad
 from armdyn.optimal.mesh.direct import Attempt
 from armdyn.optimal.mesh.search import (
+    agreeing,
     crossover_guesses,
     distinct,
     enough,
+    find,
     grouped,
     ranked,
     search,
@@ -117,6 +119,35 @@ def test_enough_is_monotonic_in_guesses_and_optima(solved, optima):
     if enough(solved, optima):
         assert enough(solved + 1, optima)
         assert optima == 1 or enough(solved, optima - 1)
+
+
+@given(st.lists(st.floats(0.1, 10)), st.floats(0, 0.5))
+def test_agreeing_costs_are_those_near_the_least(costs, slower):
+    near = [cost <= min(costs) * (1 + slower) for cost in costs]
+    assert agreeing(sorted(costs), slower) == (np.mean(near) if costs else 1.0)
+
+
+def progress_of(problem, **numbers):
+    """What a search with other numbers says."""
+    said = []
+    task = Task.of(problem, MinimumTimeOptions(workers=1), progress=said.append)
+    task = replace(task, policy=task.policy.changed("search", **numbers))
+    find(task)
+    return said
+
+
+def test_many_guesses_end_where_nearly_all_lead_to_the_best():
+    near = PROBLEM.variant(q_goal=PROBLEM.q_start + 0.3)  # a short way: one optimum
+    ended, whole = (progress_of(near, starts=60, tested=8, alike=share) for share in (0.8, 1.1))
+    assert any("guess 36 of 36" in each for each in whole) and any("child" in each for each in whole)
+    assert any("guess 8 of 36" in each for each in ended) and not any("child" in each for each in ended)
+    assert not any("guess 12 of 36" in each for each in ended)
+
+
+def test_as_many_guesses_follow_where_few_lead_to_the_best():
+    once, twice = (progress_of(PROBLEM, starts=5, scattered=share) for share in (0.0, 1.1))
+    assert sum("guess 3 of 3" in each for each in once) == 1
+    assert sum("guess 3 of 3" in each for each in twice) == 2
 
 
 @pytest.mark.slow

@@ -127,6 +127,7 @@ class Policy:
             search=SearchPolicy(
                 starts=starts,
                 ends_early=not (many or (some and far)),
+                scattered=0.4 if (many or some) and far else 0.0,
                 meshes=(60,) if problem.effort_weight > 0 else (15, 25) if motors else (25, 35),
                 fine_mesh=80 if problem.effort_weight > 0 else 40,
                 neighbour_starts=_by_joints(joints, *((1, 4, 6, 1) if problem.pays_effort else (1, 8, 12, 1))),

@@ -55,6 +55,10 @@ class SearchPolicy:
     )
     fine_mesh: int = by_kind("intervals", "on which coarse optima are told apart; a quarter of the first finer mesh's")
     ends_early: bool = by_kind("-", "once few optima recur; of many it would lose 5.9 % of the duration, and save 12 %")
+    tested: int = tuned(40, "guesses", "of many, at least, before the search ends as nearly all lead to the best")
+    near_best: float = tuned(0.02, "of the least cost", "excess of a guess that counts as leading to the best")
+    alike: float = tuned(0.9, "of the guesses", "that lead to the best: the search ends")
+    scattered: float = by_kind("of the guesses", "if fewer lead to the best, as many guesses follow")
     neighbour_starts: int = by_kind(
         "guesses", "near a neighbour's optimum; half with effort; beyond RRR the straight path"
     )

@@ -21,7 +21,7 @@ from armdyn.optimal.constraints.regions import FrameRegion
 from armdyn.optimal.constraints.registry import TightenedConstraints
 from armdyn.optimal.curves.curves import _guesses, curves
 from armdyn.optimal.curves.goals import screened
-from armdyn.optimal.mesh.search import in_batches
+from armdyn.optimal.mesh.search import in_batches, search
 from armdyn.optimal.mesh.starts import spline, via_guesses
 from armdyn.optimal.minimum_time import solve_task
 from armdyn.optimal.problem.policy.policy import Policy
@@ -207,6 +207,11 @@ def guesses_for_two_workers():
     list(in_batches([], noted(between("rrr")).with_options(workers=2)))
 
 
+def many_guesses():
+    task = noted(between("rrr"))
+    search(task, task.policy.search.tested, [(15, next(iter(task.coarse())))])
+
+
 class Neighbours:
     """The problems of a study whose cases are all the same."""
 
@@ -246,6 +251,7 @@ CALLS = (
     a_price_that_is_too_low,
     curves_that_do_not_converge,
     guesses_for_two_workers,
+    many_guesses,
     a_neighbour_of_a_study,
 )
 
