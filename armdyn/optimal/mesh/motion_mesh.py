@@ -167,8 +167,7 @@ def on_finer_meshes(
                 return
             knots = more
         found = solve(near.trajectory, knots)
-        slower = found.cost > (1 + numbers.slower) * near.cost
-        if not found.usable or slower or task.stop:
+        if not found.usable or task.stop:
             return
         yield found
         if found.cost > (1 - settled) * near.cost:

@@ -40,7 +40,6 @@ class MotionMeshPolicy:
     kept: tuple[float, ...] = tuned(
         (3e-5, 3e-4, 3e-3), "of a torque limit", "for feedback, in turn, of a motion that no replay reproduces without"
     )
-    slower: float = tuned(3e-2, "of the cost", "more is another optimum's: coarse ones of RR with 1 kg err by 1.8e-2")
     ties: tuple[float, ...] = tuned(
         (3e-6, 1e-4, 3e-4),
         "of 1 for time",
