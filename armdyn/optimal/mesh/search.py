@@ -158,7 +158,7 @@ def _too_coarse(task: Task, found: Sequence[Attempt], refined: SearchResult) -> 
     """Meshes for another search if the finer mesh contradicts the search; None: it does not.
 
     Returns:
-        The mesh for arc detection, the search's meshes, and the number of guesses.
+        The mesh for arc detection, the search's meshes, and what part of the guesses suffices at speed: one in so many.
     """
     numbers, mesh = task.policy.search, task.intervals
     if task.problem.robot.nv == 1 or task.stop:
