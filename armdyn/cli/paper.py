@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from armdyn.arguments import one_of
+from armdyn.cli import interrupts
 from armdyn.cli.console import DONE, NOT_USABLE, Answer, console, done, escape, interrupted, progress_bar, table
 from armdyn.cli.invocation import option_value
 from armdyn.cli.options.groups import argument, flag, option
@@ -48,6 +49,7 @@ def reproduce(
 
     plan, count = _plan(only or (), payload or (), arrival_rule, fresh), 0
     probed_folder(out, out, "index.html")
+    interrupts.saved(f"results that were written are in {out}: run the same command again")
     try:
         with progress_bar("reproduce", len(plan.cases())) as bar:
 

@@ -190,7 +190,7 @@ def _by_jumps(task: Task, attempt: Attempt) -> Array:
     level = motion(motion.duration * (knots[:-1] + knots[1:]) / 2).tau / actuators.scale
     jumps = np.pad(np.any(np.abs(np.diff(level, axis=0)) > numbers.jump, axis=1), 1)
     parts = np.where(jumps[:-1] | jumps[1:], numbers.parts, 1.0)  # a switch at a knot may be on either side
-    missed, *_ = gaps(task.problem.robot, Shooting.of(task.problem, attempt, shooting.near), 1)
+    missed, *_ = gaps(task.problem.robot, Shooting.of(task.problem, attempt, shooting.near), shooting.steps)
     gap = np.nan_to_num(np.max(np.abs(missed), axis=1))  # error of fifth order; NaN where a motion diverges
     return np.asarray(np.maximum(parts, (gap / numbers.gap) ** 0.2))
 

@@ -109,7 +109,7 @@ class ShootingPolicy:
 
     rounds: int = tuned(12, "rounds", "of Newton's method, and on the replay's miss: most take three")
     far: float = tuned(0.1, "rad or m", "miss beyond which the linear correction does not hold", LARGE)
-    steps: int = tuned(640, "steps", "of the whole motion at least: a coarse mesh's intervals take several")
+    steps: int = tuned(1280, "steps", "of the whole motion at least: a coarse mesh's intervals take several")
     near: float = tuned(1e-5, "of half a torque's range", "a torque of the mesh so near its limit is on it")
     closed: float = tuned(1e-11, "of a joint's way or speed", "gap that counts as closed; on exact arcs a tenth")
     held: float = tuned(
