@@ -119,7 +119,7 @@ class SequentialPolicy:
     free_enough: float = tuned(1e-6, "of the merit", "change that ends the iteration without obstacles", TRAINED)
     smooth: float = tuned(1e-5, "s", "weight of squared accelerations over velocity limits; costs 0.2 %")
     smooth_short: float = tuned(
-        1e-4, "s", "the same between regions, for the longest leg; 3e-4 cost up to 1 %", CORNERS
+        2e-4, "s", "the same between regions, for the longest leg; 3e-4 cost up to 1 %, 1e-4 misses small ones", CORNERS
     )
 
 
