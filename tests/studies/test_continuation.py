@@ -55,11 +55,10 @@ def test_a_larger_arm_with_more_and_more_payload():
     start, goal = [0, -1, 1, -1, -1.5, 0], [-1.5, -1.8, 1.6, -0.4, 0.3, 1.0]
     arms = [ad.Robot.from_library("ur5", payload=ad.Payload(mass=mass)) for mass in (1.0, 5.0)]
     problems = [ad.MinimumTimeProblem(arm, q_start=start, q_goal=goal) for arm in arms]
-    options = ad.MinimumTimeOptions(bound=False)  # nothing here asks how fast another motion might be
-    first, second = continuation(problems, options)
+    first, second = continuation(problems)
     assert first.success and second.success
     # The straight way is among the guesses of the second, too.
-    assert second.duration <= ad.solve_minimum_time(problems[1], options).duration * (1 + 1e-9)
+    assert second.duration <= ad.solve_minimum_time(problems[1]).duration * (1 + 1e-9)
     # Velocity limits shape the motion: payload matters in its ramps only.
     assert problems[0].duration_bound() < first.duration == pytest.approx(second.duration, rel=0.02)
 

@@ -88,7 +88,7 @@ def test_two_branches_at_two_stops(two_branches):
 @pytest.mark.slow
 def test_two_branches_at_two_stops_against_least_times(two_branches):
     robot, home, stops = two_branches
-    options = ad.MinimumTimeOptions(bound=False, calm=0.0, search="quick")
+    options = ad.MinimumTimeOptions(bound=False, calm=0.0)
     solved = brute_force(robot, home, stops, lambda problem: ad.solve_minimum_time(problem, options).duration)
     problems = motions([robot] * 3, [home, *np.array([[0.9, 0.5], [1.5, -0.7]]), home])
     found = chain_bound(problems, [home, *(goal for goal, _ in stops), home], solved, Effort(600))

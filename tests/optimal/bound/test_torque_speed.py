@@ -81,7 +81,7 @@ def test_two_joints_are_bounded_higher_and_never_above_a_motion(goal):
     problem = ad.MinimumTimeProblem(BARE, q_start=[0.0, 0.0], q_goal=goal, velocity_limit=[4.0, 6.0])
     slow = problem.variant(robot=BARE.with_torque_speed(STEEP))
     plain, motor = ad.lower_bound(problem), ad.lower_bound(slow)
-    solution = ad.solve_minimum_time(slow, ad.MinimumTimeOptions(calm=0, bound=False, search="quick", workers=1))
+    solution = ad.solve_minimum_time(slow, ad.MinimumTimeOptions(calm=0, bound=False, workers=1))
     assert solution.usable
     # Boxes of long ramps are wide: found 7 and 13 % below.
     assert plain.duration * 1.015 < motor.duration <= solution.duration < 1.2 * motor.duration
@@ -148,6 +148,6 @@ def test_curves_raise_the_bound_and_never_above_a_motion(name, known):
         slow = problem.variant(robot=problem.robot.with_torque_speed(curves))
         plain, found = ad.lower_bound(problem), ad.lower_bound(slow)
         assert plain.duration < found.duration <= duration
-    solution = ad.solve_minimum_time(slow, ad.MinimumTimeOptions(calm=0, bound=False, search="quick"))
+    solution = ad.solve_minimum_time(slow, ad.MinimumTimeOptions(calm=0, bound=False))
     assert solution.usable
     assert found.duration <= solution.duration < duration * (1 + 1e-4)

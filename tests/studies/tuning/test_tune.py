@@ -116,7 +116,7 @@ def test_a_search_without_arms_or_without_a_law_is_refused():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("arm", "longest", "most", "generations"), [("rr", 0.5, 0.45, 1), ("rrr", 0.6, 0.65, 4)])
+@pytest.mark.parametrize(("arm", "longest", "most", "generations"), [("rr", 0.5, 0.45, 2), ("rrr", 0.6, 0.65, 4)])
 def test_a_sampled_pid_controller_is_tuned_over_payloads_and_friction(arm, longest, most, generations):
     robot, ends = paper_arm(arm), POSES[arm]
     arms, others = ad.Plants(**FRICTION).corners(robot), ad.Plants(**FRICTION).arms(robot, 50)
