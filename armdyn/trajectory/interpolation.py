@@ -82,7 +82,7 @@ def interpolated(t: Array, derivatives: Sequence[Array], at: Array) -> tuple[Arr
 
 
 def _orders(t: Array, derivatives: Sequence[Array], at: Array, count: int) -> Iterator[Array]:
-    """The first ones of `interpolated`, from the values on; each interval's polynomial is determined once."""
+    """Values and derivatives as of `interpolated`, `count` in all; an interval's polynomial is determined once."""
     m = len(derivatives)
     k, of = np.unique(np.clip(np.searchsorted(t, at, side="right") - 1, 0, t.size - 2), return_inverse=True)
     h = (t[k + 1] - t[k])[:, None]
@@ -102,5 +102,5 @@ def _orders(t: Array, derivatives: Sequence[Array], at: Array, count: int) -> It
 
 
 def _factors(powers: Index, order: int) -> Array:
-    """Factors that monomials get where they are differentiated so many times."""
+    """Factors p (p - 1) ... of the monomials' derivatives of some order, shape of `powers`."""
     return np.asarray(np.prod([np.ones(powers.size), *(np.maximum(powers - i, 0) for i in range(order))], axis=0))

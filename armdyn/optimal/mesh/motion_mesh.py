@@ -77,22 +77,25 @@ class _Meshes:
 
     def __init__(self, task: Task, work: MeshWork) -> None:
         self.task, self.work, self.tie = task, work, 0
+        self._rough = self._within(MeshMargins())
 
     def finer(self, attempt: Attempt) -> Iterator[Attempt]:
         """Rough solutions of one optimum on successively finer meshes."""
-        numbers, within = self.task.policy.motion_mesh, self._within(MeshMargins())
+        numbers = self.task.policy.motion_mesh
         rough = SolverSettings(numbers.tolerance, numbers.iterations, numbers.barrier)
 
         def solve(guess: Trajectory, knots: Array) -> Attempt:
             begins = knots is first
-            return self._solved(within, guess, knots, rough if begins else self._settings(rough=True), int(not begins))
+            return self._solved(
+                self._rough, guess, knots, rough if begins else self._settings(rough=True), int(not begins)
+            )
 
         first = mesh(4 * self.task.policy.search.fine_mesh)
         yield from on_finer_meshes(self.task, attempt, first, solve, self.finer_knots)
 
     def finer_knots(self, one: Attempt) -> Array:
         """Knots of the next mesh of a rough solution; its own if the budget is spent."""
-        return finer_knots(self._within(MeshMargins()), one) if self.work.left > 0 else one.mesh
+        return finer_knots(self._rough, one) if self.work.left > 0 else one.mesh
 
     def sharp(self, attempt: Attempt, knots: Array, margins: MeshMargins | None = None) -> Attempt | None:
         """Solve sharply from a solution, with margins of the limits; None without convergence.
@@ -281,11 +284,11 @@ class _Judged:
 
 
 def _within_limits(meshes: _Meshes, mesh: Attempt) -> Attempt:
-    """A sharp solution on a mesh with intervals divided within which it exceeds a limit, as far as solves converge."""
+    """Divide intervals within which a sharp solution exceeds a limit, until none does or a solve fails."""
     numbers, limits = meshes.task.policy.motion_mesh, meshes.task.problem.limits
     for _ in range(numbers.further_meshes):
         # A landed motion differs by less than half the tolerance.
-        beyond = _beyond(limits, mesh.trajectory, mesh.mesh * mesh.trajectory.duration, LIMIT_TOLERANCE / 2)
+        beyond = _exceeding(limits, mesh.trajectory, mesh.mesh * mesh.trajectory.duration, LIMIT_TOLERANCE / 2)
         if not np.any(beyond) or meshes.work.left <= 0:
             break
         divided = meshes.sharp(mesh, _in_parts(mesh.mesh, np.where(beyond, numbers.parts, 1)))
@@ -370,7 +373,7 @@ def _to_divide(task: Task, motion: Shooting, replay: Trajectory, costates: MeshC
     flags = np.zeros(len(motion.tau), bool)
     if costates is None or costates.saving > 4 * OPTIMALITY_TOLERANCE:
         return flags
-    flags |= _beyond(task.problem.limits, replay, motion.t, LIMIT_TOLERANCE)
+    flags |= _exceeding(task.problem.limits, replay, motion.t, LIMIT_TOLERANCE)
     if costates.saving > OPTIMALITY_TOLERANCE:
         order = np.argsort(costates.missed)[::-1]
         left = costates.saving - np.cumsum(costates.missed[order])
@@ -379,7 +382,7 @@ def _to_divide(task: Task, motion: Shooting, replay: Trajectory, costates: MeshC
     return flags
 
 
-def _beyond(limits: JointLimits, motion: Trajectory, knots: Array, most: float) -> Flags:
+def _exceeding(limits: JointLimits, motion: Trajectory, knots: Array, most: float) -> Flags:
     """Intervals, shape (K,), in which a motion exceeds limits by more than `most`, a part of them, but not far."""
     flags, beyond = np.zeros(knots.size - 1, bool), excesses(limits, motion)
     if max(one.share for one in beyond) <= 4 * OPTIMALITY_TOLERANCE:

@@ -73,8 +73,8 @@ def find(task: Task) -> SearchResult:
     with task.pooled(has_stagewise(task)) as pooled:
         attempts = _searched(pooled, count, numbers.meshes, extra_jobs)
         costs = sorted(one.cost for one in attempts if one.usable)
-        counted = options.starts or options.search == "thorough"
-        if not counted and agreeing(costs, numbers.near_best) < numbers.scattered:
+        whole = task.stop or options.starts or options.search == "thorough"
+        if not whole and agreeing(costs, numbers.near_best) < numbers.scattered:
             other = replace(pooled, options=replace(options, seed=options.seed + 1))
             attempts += _searched(other, count, numbers.meshes, known=attempts)
         fine, coarse = (distinct(some, *same) for some in (attempts[: len(extra_jobs)], attempts[len(extra_jobs) :]))

@@ -14,7 +14,7 @@ class MotionMeshPolicy:
 
     most: int = tuned(4000, "knots", "of a mesh: more take a second; those that were certified took 4,200")
     rounds: int = tuned(
-        3, "meshes", "before the last; with seven 26 motions take twice the time, no faster; with three some lose 1e-6"
+        3, "meshes", "before the last; with six 26 motions take twice the time, no faster; with two some lose 1e-6"
     )
     iterations: int = tuned(150, "iterations", "on a mesh, at most: certified motions of 80 problems took 80")
     tolerance: float = tuned(
